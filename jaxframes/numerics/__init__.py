@@ -1,0 +1,1 @@
+"""Components of vectors and quaternions: algebra, assembling, fencing, sine and cosine. Knows no frame."""

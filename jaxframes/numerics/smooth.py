@@ -1,0 +1,152 @@
+"""Functions that are smooth in truth but 0/0 as written: norms, and the analytic coefficients of rotations.
+
+Each coefficient is a power series near zero and a closed form elsewhere. The choice between the two is never differentiated:
+every function knows its own derivative as another function of the same family (``custom_jvp``), so values and derivatives of any
+order are right everywhere, in forward and reverse mode. Differentiating a ``where`` is not safe here: a compiler may compute
+the number that decides twice, in two loops that round it differently, and reverse mode would then count both branches or
+neither (seen on XLA:CPU, which contracts products and sums). For the same reason the guards of the two forms overlap.
+"""
+
+import functools
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from jaxframes.numerics.trig import sin_cos
+
+
+def series(coefficients: Sequence[float], x: jax.Array) -> jax.Array:
+    """Return the sum of coefficients[n] x^n (Horner)."""
+    total = jnp.full_like(x, coefficients[-1])
+    for coefficient in reversed(coefficients[:-1]):
+        total = total * x + coefficient
+    return total
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
+def stumpff(order: int, square: jax.Array) -> jax.Array:
+    """Return c_k(a^2) = sum of (-a^2)^n / (k + 2n)!: cos a, sin(a)/a, (1 - cos a)/a^2, (a - sin a)/a^3, ... (Stumpff 1947)."""
+    # from order 2 on the closed forms are differences, of more terms with each order: harmless where a > 2, from order 5 a > 4
+    limit, terms = (0.0625, 9) if order < 2 else (4.0, 15) if order < 5 else (16.0, 20)
+    coefficients = [(-1.0) ** n / math.factorial(order + 2 * n) for n in range(terms)]
+    near = series(coefficients, jnp.where(square < 1.5 * limit, square, 0.0))
+    far = jnp.where(square > 0.5 * limit, square, 1.0)
+    return jnp.where(square < limit, near, _stumpff_closed(order, far))
+
+
+def _stumpff_closed(order: int, square: jax.Array) -> jax.Array:
+    angle = jnp.sqrt(square)
+    if order == 2:
+        s, _ = sin_cos(angle * 0.5)
+        return 2.0 * s * s / square
+    s, c = sin_cos(angle)
+    value = s / angle if order % 2 else c
+    for k in range(order % 2, order, 2):
+        value = (1.0 / math.factorial(k) - value) / square
+    return value
+
+
+@stumpff.defjvp
+def _stumpff_jvp(order: int, primals: tuple[jax.Array], tangents: tuple[jax.Array]) -> tuple[jax.Array, jax.Array]:
+    (square,), (tangent,) = primals, tangents
+    rate = -0.5 * stumpff(order + 1, square)
+    if order:
+        rate = rate + 0.5 * order * stumpff(order + 2, square)
+    return stumpff(order, square), rate * tangent
+
+
+def cos_sinc(square: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Return (cos a, sin(a) / a) for a^2."""
+    return stumpff(0, square), stumpff(1, square)
+
+
+def versine(square: jax.Array) -> jax.Array:
+    """Return (1 - cos a) / a^2 for a^2."""
+    return stumpff(2, square)
+
+
+def cubic_remainder(square: jax.Array) -> jax.Array:
+    """Return (a - sin a) / a^3 for a^2."""
+    return stumpff(3, square)
+
+
+def half_cotangent_remainder(square: jax.Array) -> jax.Array:
+    """Return (1 - (a/2) cot(a/2)) / a^2 for a^2, as (c3 - 2 c4) / (2 c2); its pole is at a = 2 pi."""
+    return (stumpff(3, square) - 2.0 * stumpff(4, square)) / (2.0 * stumpff(2, square))
+
+
+def arc(square: jax.Array, w: jax.Array) -> jax.Array:
+    """Return atan2(s, w) / s for s^2 and w: half the angle of a quaternion over the length of its vector part.
+
+    Smooth for w > 0 through s = 0, and for s > 0 through w = 0; at s = 0 with w < 0 the angle is pi and there is no limit.
+    """
+    return _arc(0, square, w)
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _arc(order: int, square: jax.Array, w: jax.Array) -> jax.Array:
+    """Return G_m = (-1)^m / m! times the m-th derivative of G = atan2(s, w) / s with respect to s^2.
+
+    G_m = ((2m - 1) G_(m-1) - w / n^m) / (2 m s^2) with n = s^2 + w^2; for small s a power series in s^2 / w^2.
+    """
+    limit = 0.0625 * w * w
+    coefficients = [(-1.0) ** n * math.comb(order + n, n) / (2 * order + 2 * n + 1) for n in range(16)]
+    possible = (square < 1.5 * limit) & (w > 0)
+    safe = jnp.where(possible, w, 1.0)
+    small = jnp.where(possible, square, 0.0) / (safe * safe)
+    near = series(coefficients, small) / safe ** (2 * order + 1)
+    far = jnp.where((square > 0.5 * limit) | (w <= 0), square, 1.0)
+    root = jnp.sqrt(far)
+    value = atan2(root, w) / root
+    for m in range(1, order + 1):
+        value = ((2 * m - 1) * value - w / (far + w * w) ** m) / (2 * m * far)
+    return jnp.where((square < limit) & (w > 0), near, value)
+
+
+@_arc.defjvp
+def _arc_jvp(order: int, primals: tuple[jax.Array, jax.Array], tangents: tuple[jax.Array, jax.Array]) -> tuple[Any, Any]:
+    (square, w), (d_square, d_w) = primals, tangents
+    along_w = -1.0 / (square + w * w) ** (order + 1)
+    return _arc(order, square, w), along_w * d_w - (order + 1) * _arc(order + 1, square, w) * d_square
+
+
+def atan2(y: jax.Array, x: jax.Array) -> jax.Array:
+    """Return the angle of the point (x, y)."""
+    return jnp.arctan2(y, x)
+
+
+def binary_scale(components: Sequence[jax.Array]) -> jax.Array:
+    """Return the power of two just below the largest magnitude, 1 for zero: dividing by it is exact and prevents overflow."""
+    largest = lax.stop_gradient(jnp.abs(components[0]))
+    for component in components[1:]:
+        largest = jnp.maximum(largest, lax.stop_gradient(jnp.abs(component)))
+    dtype = np.dtype(largest.dtype)
+    if dtype.name not in ("float32", "float64"):
+        return jnp.where(largest > 0, largest, jnp.ones_like(largest))
+    mask, number = (0x7F800000, np.int32) if dtype.name == "float32" else (0x7FF0000000000000, np.int64)
+    power = lax.bitcast_convert_type(lax.bitcast_convert_type(largest, number) & number(mask), dtype)
+    return jnp.where(power > 0, power, jnp.ones_like(power))
+
+
+def norm(components: Sequence[jax.Array]) -> jax.Array:
+    """Return the Euclidean norm: no overflow or underflow; at zero the value and all derivatives are 0."""
+    scale = binary_scale(components)
+    scaled = [c / scale for c in components]
+    square = scaled[0] * scaled[0]
+    for c in scaled[1:]:
+        square = square + c * c
+    nothing = square == 0.0
+    return jnp.where(nothing, 0.0, jnp.sqrt(jnp.where(nothing, 1.0, square)) * scale)
+
+
+def normalize(components: Sequence[jax.Array]) -> tuple[list[jax.Array], jax.Array]:
+    """Return (components over their norm, norm); components that are all zero give NaN."""
+    scale = binary_scale(components)
+    scaled = [c / scale for c in components]
+    length = norm(scaled)
+    return [c / length for c in scaled], length * scale

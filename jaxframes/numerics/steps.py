@@ -1,0 +1,101 @@
+"""Steps: the elementary rigid motions that every edge is made of, and how one is added to a path.
+
+An edge family lowers itself to a few steps: a joint to turns and slides about fixed axes, everything else to a motion that is
+given outright. What follows (composition, derivatives, walking by path or by level) knows steps only.
+"""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import jax
+
+from jaxframes.numerics.components import IDENTITY, V3, ZERO, Component, Quat, cross, quat_from, quat_linear, quat_mul, rotate
+from jaxframes.numerics.rigid import Rigid, compose
+from jaxframes.numerics.trig import sin_cos
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Coordinate:
+    """A scalar coordinate with its first and second time derivatives."""
+
+    value: Component
+    rate: Component = 0.0
+    rate2: Component = 0.0
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """A fixed placement, then a rotation about a unit axis (axes of the placement) by an angle in radians."""
+
+    axis: V3
+    angle: Coordinate
+    rotation: Quat = IDENTITY
+    translation: V3 = ZERO
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Slide:
+    """A fixed placement, then a translation along an axis (axes of the placement) by a length in metres."""
+
+    axis: V3
+    length: Coordinate
+    rotation: Quat = IDENTITY
+    translation: V3 = ZERO
+
+
+Given: TypeAlias = Rigid
+"""A motion given outright: child relative to parent, in the parent's axes."""
+
+Step: TypeAlias = Turn | Slide | Rigid
+
+
+def turn_rotation(step: Turn) -> Quat:
+    """Return the rotation of a turn with the placement folded in: c q0 + s (q0 * axis), c and s of half the angle."""
+    half = step.angle.value * 0.5
+    s, c = sin_cos(half)
+    return quat_linear(c, step.rotation, s, quat_mul(step.rotation, quat_from(0.0, step.axis)))
+
+
+def local_motion(step: Step, order: int) -> Rigid:
+    """Return the motion of a step's child relative to its parent."""
+    if isinstance(step, Rigid):
+        return step
+    axis = rotate(step.rotation, step.axis)
+    if isinstance(step, Turn):
+        rates = (axis * step.angle.rate, ZERO, axis * step.angle.rate2, ZERO)
+        return _limited(turn_rotation(step), step.translation, rates, order)
+    rates = (ZERO, axis * step.length.rate, ZERO, axis * step.length.rate2)
+    return _limited(step.rotation, step.translation + axis * step.length.value, rates, order)
+
+
+def _limited(rotation: Quat, translation: V3, rates: tuple[V3, V3, V3, V3], order: int) -> Rigid:
+    w, v, alpha, a = rates
+    return Rigid(rotation, translation, *((w, v) if order > 0 else (ZERO, ZERO)), *((alpha, a) if order > 1 else (ZERO, ZERO)))
+
+
+def append(motion: Rigid, step: Step, order: int) -> Rigid:
+    """Return a motion extended by one step.
+
+    Turns and slides carry their axis, so that one rotation of the axis serves rate and acceleration alike.
+    """
+    if isinstance(step, Rigid) or order == 0:
+        return compose(motion, local_motion(step, order), order)
+    q, w = motion.rotation, motion.angular
+    axis = rotate(quat_mul(q, step.rotation), step.axis)
+    r = rotate(q, step.translation)
+    if isinstance(step, Turn):
+        spin, spin2, slip, slip2 = axis * step.angle.rate, axis * step.angle.rate2, ZERO, ZERO
+        rotation = quat_mul(q, turn_rotation(step))
+    else:
+        spin, spin2, slip, slip2 = ZERO, ZERO, axis * step.length.rate, axis * step.length.rate2
+        rotation, r = quat_mul(q, step.rotation), r + axis * step.length.value
+    whirl = cross(w, r)
+    velocity = (w + spin, motion.linear + whirl + slip)
+    if order == 1:
+        return Rigid(rotation, motion.translation + r, *velocity)
+    angular2 = motion.angular2 + spin2 + cross(w, spin)
+    linear2 = motion.linear2 + slip2 + cross(motion.angular2, r) + cross(w, whirl + slip * 2.0)
+    return Rigid(rotation, motion.translation + r, *velocity, angular2, linear2)
