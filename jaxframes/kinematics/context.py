@@ -1,0 +1,139 @@
+"""Context: a state taken apart into components of one dtype and one batch shape, ready for any edge to read."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from jaxframes.errors import MissingInputError, NoAccelerationError, ShapeError
+from jaxframes.numerics.boundary import take_apart
+from jaxframes.numerics.components import V3, Component, Quat
+from jaxframes.numerics.rigid import AT_REST, Rigid
+from jaxframes.numerics.steps import Step, append
+from jaxframes.spatial import Motion
+from jaxframes.tree.edges.base import Edge, Inputs
+from jaxframes.tree.joints import float_dtype
+from jaxframes.tree.state import State
+from jaxframes.tree.tree import FrameTree
+
+
+class Context:
+    """What a computation over a tree reads: the tree, the state's components, the batch shape and the dtype."""
+
+    def __init__(self, tree: FrameTree, state: State, order: int):
+        self.tree, self.topology, self.order = tree, tree.topology, order
+        self.dtype = jnp.promote_types(float_dtype(tree.parameters), float_dtype(state))
+        self._check_joints(state)
+        self.shape = self._batch_shape(state)
+        self._q, self._qd, self._qdd = (self._columns(values) for values in (state.q, state.qd, state.qdd))
+        self._time = None if state.time is None else (self._ranked(state.time.hi, 0), self._ranked(state.time.lo, 0))
+        self._state = state
+        self._steps: dict[int, tuple[Step, ...]] = {}
+
+    def _check_joints(self, state: State) -> None:
+        for kind, count in (("q", self.topology.nq), ("qd", self.topology.nv), ("qdd", self.topology.nv)):
+            found = jnp.shape(getattr(state, kind))
+            if not found or found[-1] != count:
+                raise ShapeError(
+                    f"the state's {kind} has shape {found}, but this tree needs [..., {count}]; make it with this tree.state(...)"
+                )
+        held, found = sum(i >= 0 for i in self.topology.prescribed), state.prescribed.transform.translation.shape
+        if found[-2:-1] != (held,):
+            raise ShapeError(
+                f"the state holds prescribed motions of shape {found}, but this tree has {held}; make it with this tree.state(...)"
+            )
+
+    def _batch_shape(self, state: State) -> tuple[int, ...]:
+        shapes = [values.shape[:-1] for values in (state.q, state.qd, state.qdd)]
+        shapes += [leaf.shape[:-2] for leaf in jax.tree.leaves(state.prescribed)]
+        shapes += [part.shape for part in jax.tree.leaves(state.time)]
+        if state.attachments is not None:
+            shapes += [state.attachments.parents.shape[:-1]]
+            shapes += [leaf.shape[:-2] for leaf in jax.tree.leaves(state.attachments.motion)]
+        for leaves, stacked in zip(self.tree.parameters, self.topology.stacked, strict=True):
+            shapes += [leaf.shape[:-2] for leaf in leaves if stacked]
+        return jnp.broadcast_shapes(*shapes)
+
+    def _ranked(self, array: jax.Array, trailing: int) -> jax.Array:
+        """Return an array in the common dtype, its batch axes padded on the left to the common rank (none stays none)."""
+        own = array.ndim - trailing
+        missing = len(self.shape) - own if own else 0
+        converted = array.astype(self.dtype)
+        return lax.expand_dims(converted, range(missing)) if missing else converted
+
+    def _columns(self, values: jax.Array) -> tuple[Component, ...]:
+        return take_apart(self._ranked(values, 1))
+
+    def attachment(self, row: int) -> tuple[jax.Array, Rigid]:
+        """Return the parent's index and the motion relative to it of an attachable frame, by its row in the state."""
+        held = self._state.attachments
+        assert held is not None
+        parents = held.parents[..., row]
+        missing = len(self.shape) - parents.ndim if parents.ndim else 0
+        return (lax.expand_dims(parents, range(missing)) if missing else parents), self._held(held.motion, row)
+
+    def _held(self, held: Motion, row: int) -> Rigid:
+        """Return one of the motions that a state holds, as far as the order asks."""
+        leaves = (
+            held.transform.rotation.wxyz,
+            held.transform.translation,
+            held.velocity.angular,
+            held.velocity.linear,
+            held.acceleration.angular,
+            held.acceleration.linear,
+        )
+        needed = leaves[: 2 + 2 * self.order]
+        quat, *vectors = (take_apart(self._ranked(leaf[..., row, :], 1)) for leaf in needed)
+        return Rigid(Quat(*quat), *(V3(*v) for v in vectors))
+
+    def edge(self, frame: int) -> Edge:
+        """Return the edge above a frame, float parameters in the common dtype."""
+        return jax.tree.map(self._converted, self.tree._edge(frame))
+
+    def _converted(self, leaf: Any) -> Any:
+        return leaf.astype(self.dtype) if jnp.issubdtype(leaf.dtype, jnp.floating) else leaf
+
+    def steps(self, frame: int) -> tuple[Step, ...]:
+        """Return the steps of the edge above a frame (once each, however often it is asked).
+
+        Raises:
+            NoAccelerationError: Accelerations are asked for and the edge has none.
+            MissingInputError: The edge needs the time and the state has none.
+        """
+        if frame not in self._steps:
+            edge, name = self.edge(frame), self.topology.names[frame]
+            if self.order > 1 and not edge.supports_accelerations:
+                raise NoAccelerationError(
+                    f"the edge of frame {name!r} ({edge.describe()}) supports no accelerations; ask for transform or velocity, "
+                    f"or put an edge there that does"
+                )
+            if edge.needs_time and self._time is None:
+                raise MissingInputError(f"frame {name!r} hangs on {edge.describe()}, and the state has no time; pass time= to tree.state")
+            self._steps[frame] = edge.steps(self._inputs(frame), self.order)
+        return self._steps[frame]
+
+    def unit_twists(self, frame: int) -> list[tuple[int, Rigid]]:
+        """Return, for each rate of the edge above a frame, its index in ``qd`` and the edge's velocity for a unit of it."""
+        _, _, first, count = self.topology.coordinates[frame]
+        edge, found = self.edge(frame), []
+        for i in range(count):
+            one = tuple(1.0 if i == j else 0.0 for j in range(count))
+            inputs = self._inputs(frame)._replace(qd=one, qdd=(0.0,) * count)
+            motion = AT_REST
+            for step in edge.steps(inputs, 1):
+                motion = append(motion, step, 1)
+            found.append((first + i, motion))
+        return found
+
+    def _inputs(self, frame: int) -> Inputs:
+        first_q, nq, first_v, nv = self.topology.coordinates[frame]
+        row = self.topology.prescribed[frame]
+        return Inputs(
+            q=self._q[first_q : first_q + nq],
+            qd=self._qd[first_v : first_v + nv],
+            qdd=self._qdd[first_v : first_v + nv],
+            time=self._time,
+            prescribed=None if row < 0 else self._held(self._state.prescribed, row),
+            batch_rank=len(self.shape),
+        )

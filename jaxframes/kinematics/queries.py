@@ -1,0 +1,125 @@
+"""Queries: from trees and states to values, through components; the engine behind ``FrameTree``'s methods."""
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+import jax
+import jax.numpy as jnp
+
+from jaxframes.kinematics import attached
+from jaxframes.kinematics.attach import attach, attachments_valid
+from jaxframes.kinematics.context import Context
+from jaxframes.kinematics.jacobian import jacobian
+from jaxframes.kinematics.path import between
+from jaxframes.kinematics.rates import broadcast, rate
+from jaxframes.kinematics.walk import outward
+from jaxframes.numerics.boundary import assemble, is_concrete
+from jaxframes.numerics.rigid import Rigid, express, relative
+from jaxframes.spatial import Motion, Rotation, SpatialAcceleration, SpatialVelocity, Transform
+from jaxframes.tree.state import State
+from jaxframes.tree.tree import FrameTree
+
+Value = TypeVar("Value")
+
+
+def as_motion(motion: Rigid, context: Context) -> Motion:
+    """Return components as the values that users hold; velocity and acceleration are None beyond the order computed."""
+    array = functools.partial(assemble, shape=context.shape, dtype=context.dtype)
+    transform = Transform(Rotation(array(tuple(motion.rotation))), array(tuple(motion.translation)))
+    velocity = acceleration = None
+    if context.order > 0:
+        velocity = SpatialVelocity(array(tuple(motion.angular)), array(tuple(motion.linear)))
+    if context.order > 1:
+        acceleration = SpatialAcceleration(array(tuple(motion.angular2)), array(tuple(motion.linear2)))
+    return Motion(transform, velocity, acceleration)  # pyright: ignore[reportArgumentType]
+
+
+def _between(tree: FrameTree, state: State, of: int, relative_to: int, expressed_in: int, order: int) -> Motion:
+    context = Context(tree, state, order)
+    motion = between(context, of, relative_to)
+    if order and expressed_in != relative_to:
+        axes = between(Context(tree, state, 0), relative_to, expressed_in).rotation
+        motion = express(axes, motion)
+    return as_motion(motion, context)
+
+
+def _all_frames(tree: FrameTree, state: State, relative_to: int, order: int) -> Motion:
+    context = Context(tree, state, order)
+    found = attached.all_frames(context, relative_to) if tree.topology.attachables else outward(context, relative_to)
+    return _stacked([as_motion(found[frame], context) for frame in range(len(tree.names))], -2)
+
+
+def _pairs(tree: FrameTree, state: State, of: tuple[int, ...], relative_to: tuple[int, ...]) -> Transform:
+    context, rows = Context(tree, state, 0), []
+    home = tree.topology.islands
+    loose = len({home[frame] for frame in (*of, *relative_to)}) > 1
+    islands = attached.Islands(context, (*of, *relative_to)) if loose else None
+    for observer in relative_to:
+        found = outward(context, observer, frozenset(frame for frame in of if home[frame] == home[observer]))
+        if islands is not None:
+            here = islands.motion(observer)
+            found |= {frame: relative(here, islands.motion(frame), 0) for frame in of if frame not in found}
+        rows.append(_stacked([as_motion(found[frame], context).transform for frame in of], -2))
+    return _stacked(rows, -3)
+
+
+def _stacked(values: Sequence[Value], axis: int) -> Value:
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves, axis=axis), *values)
+
+
+def _jacobian(tree: FrameTree, state: State, of: int, relative_to: int, expressed_in: int) -> jax.Array:
+    if tree.topology.islands[of] != tree.topology.islands[relative_to]:
+        return _jacobian_by_rates(tree, state, of, relative_to, expressed_in)
+    context = Context(tree, state, 0)
+    axes = None if expressed_in == relative_to else between(context, relative_to, expressed_in).rotation
+    return jacobian(context, of, relative_to, axes)
+
+
+def _jacobian_by_rates(tree: FrameTree, state: State, of: int, relative_to: int, expressed_in: int) -> jax.Array:
+    """Return the Jacobian where the path is data: velocities are linear in the rates, so each column is a derivative."""
+    whole = broadcast(state)
+
+    def velocity(qd: jax.Array) -> jax.Array:
+        return _between(tree, whole.replace(qd=qd), of, relative_to, expressed_in, 1).velocity.as_vector()
+
+    units = jnp.broadcast_to(
+        jnp.eye(tree.nv, dtype=whole.qd.dtype)[(slice(None), *[None] * (whole.qd.ndim - 1))], (tree.nv, *whole.qd.shape)
+    )
+    columns = jax.vmap(lambda unit: jax.jvp(velocity, (whole.qd,), (unit,))[1])(units)
+    return jnp.moveaxis(columns, 0, -1)
+
+
+def _jacobian_dot(tree: FrameTree, state: State, of: int, relative_to: int, expressed_in: int) -> jax.Array:
+    def along(moving: State) -> jax.Array:
+        return _jacobian(tree, moving, of, relative_to, expressed_in)
+
+    return jax.jvp(along, (broadcast(state),), (rate(tree, state),))[1]
+
+
+def _compiled(function: Callable[..., Any], *static: str) -> Callable[..., Any]:
+    """Return a query that is compiled when every number is known and inlined when one is traced."""
+    compiled = jax.jit(function, static_argnames=static)
+
+    def run(*values: Any, **options: Any) -> Any:
+        known = all(is_concrete(leaf) for leaf in jax.tree.leaves(values))
+        return (compiled if known else function)(*values, **options)
+
+    return run
+
+
+class PathEngine:
+    """The engine that trees use.
+
+    Called eagerly, a query is compiled once for each topology and pair of frames; inside a trace it is inlined, and the
+    numbers of a tree that is not traced are constants of the program.
+    """
+
+    between = staticmethod(_compiled(_between, "of", "relative_to", "expressed_in", "order"))
+    all_frames = staticmethod(_compiled(_all_frames, "relative_to", "order"))
+    pairs = staticmethod(_compiled(_pairs, "of", "relative_to"))
+    jacobian = staticmethod(_compiled(_jacobian, "of", "relative_to", "expressed_in"))
+    jacobian_dot = staticmethod(_compiled(_jacobian_dot, "of", "relative_to", "expressed_in"))
+    attached = staticmethod(_compiled(attach, "frame", "keep"))
+    attachments_valid = staticmethod(_compiled(attachments_valid))
+    rate = staticmethod(rate)

@@ -1,0 +1,56 @@
+"""What a tree says of itself: as text, as a dictionary, and which of its numbers are wrong."""
+
+from typing import Any
+
+from jaxframes.tree.check import check
+from jaxframes.tree.state import State
+from jaxframes.tree.structure import Structure
+from jaxframes.tree.text import DumpOptions, explain, format_tree
+
+
+class Described(Structure):
+    """The descriptive half of a tree; everything here runs on the host."""
+
+    def format(self, options: DumpOptions | None = None, *, state: State | None = None) -> str:
+        """Return the tree as text, one line a frame.
+
+        Args:
+            options: What each line says. Default: names and edges.
+            state: With a state, each line also gives the pose in the parent (one instant, no batch).
+        """
+        return format_tree(self, options or DumpOptions(), state)
+
+    def explain(self, *, of: str, relative_to: str) -> str:
+        """Return text that says which edges a query between two frames touches, in which direction, and what each needs."""
+        return explain(self, of, relative_to)
+
+    def describe(self: Any, state: State, *, of: str, relative_to: str) -> dict[str, Any]:
+        """Return all read-outs of a pair of frames.
+
+        Returns:
+            ``of``, ``relative_to``, ``path``, ``frames``, ``oriented``, ``edges``, ``supports_accelerations``, ``transform``,
+            ``velocity``, ``acceleration`` (None where the chain has none), and the ``parent`` of ``of``.
+        """
+        chain = self.chain(of=of, relative_to=relative_to)
+        accelerates = chain.supports_accelerations
+        return {
+            "of": of,
+            "relative_to": relative_to,
+            "parent": None if of == self.root else self.parent(of),
+            "path": chain.path,
+            "frames": chain.frames,
+            "oriented": chain.oriented,
+            "edges": {name: self.edge(name).describe() for name, _ in chain.path},
+            "supports_accelerations": accelerates,
+            "transform": chain.transform(state),
+            "velocity": chain.velocity(state),
+            "acceleration": chain.acceleration(state) if accelerates else None,
+        }
+
+    def check(self: Any, state: State) -> tuple[str, ...]:
+        """Return what is wrong with a state and with this tree's numbers, a sentence each, by name; empty if nothing is.
+
+        Looked for: numbers that are not finite, quaternions that are not unit, epochs outside a table, joint limits exceeded.
+        Runs on the host: not under jit.
+        """
+        return check(self, state)

@@ -1,0 +1,149 @@
+"""What an edge family must say: how many coordinates it takes, the steps it is made of, and how it prints."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, ClassVar, NamedTuple, Self, TypeVar
+
+import jax
+import jax.numpy as jnp
+
+from jaxframes.errors import EdgeError, suggest
+from jaxframes.numerics.components import Component
+from jaxframes.numerics.rigid import Rigid
+from jaxframes.numerics.steps import Step
+from jaxframes.spatial import Rotation
+
+
+class Inputs(NamedTuple):
+    """What an edge may read of a state, all as components.
+
+    Attributes:
+        q: The edge's own ``nq`` coordinates.
+        qd: Its own ``nv`` rates.
+        qdd: Its own ``nv`` second derivatives.
+        time: The epoch as (hi, lo) seconds past J2000 TDB, or None where the state has none.
+        prescribed: The motion that the state holds for this edge, if its family is prescribed.
+        batch_rank: Rank of the batch, to which batched parameters are aligned.
+    """
+
+    q: tuple[Component, ...] = ()
+    qd: tuple[Component, ...] = ()
+    qdd: tuple[Component, ...] = ()
+    time: tuple[Component, Component] | None = None
+    prescribed: Rigid | None = None
+    batch_rank: int = 0
+
+
+class Edge:
+    """Base of all edge families.
+
+    A family is a frozen dataclass decorated with ``family``. Array fields are parameters: leaves of the tree that can be
+    batched, differentiated and replaced. Other fields are static and must be hashable.
+
+    Attributes:
+        nq: How many stored coordinates an edge takes from ``q``.
+        nv: How many rates it takes from ``qd`` and ``qdd`` (its mobility).
+        stacks: Whether the parameters of all edges of this family may be stored as one array with a leading axis.
+        needs_time: Whether the edge reads the epoch of the state.
+        is_prescribed: Whether the state holds a motion for the edge.
+        is_attachable: Whether the state says what the child hangs on.
+    """
+
+    nq: ClassVar[int] = 0
+    nv: ClassVar[int] = 0
+    stacks: ClassVar[bool] = True
+    needs_time: ClassVar[bool] = False
+    is_prescribed: ClassVar[bool] = False
+    is_attachable: ClassVar[bool] = False
+
+    @property
+    def supports_accelerations(self) -> bool:
+        """Whether the edge can say its acceleration."""
+        return True
+
+    def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
+        """Return the elementary motions from parent to child, as components.
+
+        Args:
+            inputs: The values that the edge may read.
+            order: 0 for the pose, 1 with the velocity, 2 with the acceleration.
+        """
+        raise NotImplementedError(f"{type(self).__name__} does not say its steps")
+
+    def describe(self) -> str:
+        """Return the kind of the edge and what tells it from others, in a few words."""
+        return type(self).__name__.lower()
+
+    def coverage_code(self, time: Any) -> jax.Array:
+        """Return -1 where an ``Epoch`` lies before what the edge covers, 0 inside, +1 after: int32 [...]."""
+        return jnp.zeros(time.shape, jnp.int32)
+
+    def coordinate_rates(self, q: tuple[Component, ...], qd: tuple[Component, ...]) -> tuple[Component, ...]:
+        """Return the time derivatives of the coordinates from the rates; the rates themselves unless a family says otherwise."""
+        return qd
+
+    def prefixed(self, prefix: str) -> "Edge":
+        """Return the edge for a tree whose frame names got a prefix; only an edge that names frames changes."""
+        return self
+
+    def limits_of(self) -> tuple[Any, Any] | None:
+        """Return the lower and upper bounds of the coordinates, [..., nq] each, or None where there are none."""
+        return None
+
+    def quaternions(self) -> tuple[Any, ...]:
+        """Return the unit quaternions [..., 4] among the parameters (for checks)."""
+        found: list[Any] = []
+        jax.tree.map(lambda x: found.append(x.wxyz) if isinstance(x, Rotation) else None, self, is_leaf=lambda x: isinstance(x, Rotation))
+        return tuple(found)
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a copy with the fields given replaced, taken as they are (values may be traced)."""
+        fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}  # pyright: ignore[reportArgumentType]
+        unknown = sorted(set(changes) - set(fields))
+        if unknown:
+            raise EdgeError(f"{type(self).__name__} has no field {unknown[0]!r}.{suggest(unknown[0], fields)}")
+        return _assembled(type(self), {**fields, **changes})
+
+    def __repr__(self) -> str:
+        return f"<{self.describe()}>"
+
+    def neutral(self) -> tuple[float, ...]:
+        """Return the ``nq`` coordinates of the edge at rest position."""
+        return (0.0,) * self.nq
+
+
+Family = TypeVar("Family", bound=type)
+
+
+def family(static: tuple[str, ...] = ()) -> Callable[[Family], Family]:
+    """Return a decorator that makes a class a frozen dataclass and a pytree whose array fields are leaves.
+
+    Trees are put together again without the class's constructor, so a constructor may validate and normalise what a user
+    gives, while transformations may put anything into the leaves.
+
+    Args:
+        static: Names of the fields that are not parameters; they must be hashable and equal by value.
+    """
+
+    def decorate(cls: Family) -> Family:
+        made = dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
+        data = tuple(f.name for f in dataclasses.fields(made) if f.name not in static)
+
+        def flatten_with_keys(edge: Any) -> tuple[list[tuple[Any, Any]], tuple[Any, ...]]:
+            keyed = [(jax.tree_util.GetAttrKey(name), getattr(edge, name)) for name in data]
+            return keyed, tuple(getattr(edge, name) for name in static)
+
+        def unflatten(meta: tuple[Any, ...], leaves: Any) -> Any:
+            return _assembled(made, {**dict(zip(data, leaves, strict=True)), **dict(zip(static, meta, strict=True))})
+
+        jax.tree_util.register_pytree_with_keys(made, flatten_with_keys, unflatten)
+        return made
+
+    return decorate
+
+
+def _assembled(cls: type, fields: dict[str, Any]) -> Any:
+    edge = object.__new__(cls)
+    for name, value in fields.items():
+        object.__setattr__(edge, name, value)
+    return edge

@@ -1,0 +1,193 @@
+"""Topology: which frame hangs on which, as static arrays. NumPy only; hashable, and equal by value."""
+
+import functools
+import hashlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from jaxframes.errors import TopologyError, UnknownFrameError, UnknownJointError, suggest
+
+
+@dataclass(frozen=True, eq=False)
+class Topology:
+    """The static part of a tree: names, parents, and where each edge finds its numbers.
+
+    Frames are numbered in order of declaration; the root is frame 0 and every parent comes before its children. Two
+    topologies with equal contents are equal and hash alike, so programs compiled for one serve the other.
+
+    Attributes:
+        names: Frame names.
+        parents: Index of each frame's parent; -1 for the root.
+        groups: For every group of edges with the same family, how to put an edge together (a pytree definition).
+        stacked: Whether the parameters of each group have a leading axis over its edges.
+        locations: (group, row) of each frame's edge; (-1, -1) for the root.
+        coordinates: (first q, nq, first qd, nv) of each frame's edge.
+        joint_names: Name of the joint of each edge that has coordinates, in order of declaration.
+        joint_frames: Index of the child frame of each of these joints.
+        prescribed: Index in the state's prescribed motions of each frame's edge, or -1.
+        attachables: Frames whose parent is data; ``parents`` holds the one each starts on.
+        candidates: Frames that may be the parent of each of these.
+        neutral: Coordinates of all joints at rest position.
+        properties: (frame name, frozen properties) of the frames that have some.
+    """
+
+    names: tuple[str, ...]
+    parents: tuple[int, ...]
+    groups: tuple[Any, ...]
+    stacked: tuple[bool, ...]
+    locations: tuple[tuple[int, int], ...]
+    coordinates: tuple[tuple[int, int, int, int], ...]
+    joint_names: tuple[str, ...]
+    joint_frames: tuple[int, ...]
+    prescribed: tuple[int, ...]
+    attachables: tuple[int, ...] = ()
+    candidates: tuple[tuple[int, ...], ...] = ()
+    neutral: tuple[float, ...] = ()
+    properties: tuple[tuple[str, Any], ...] = ()
+
+    @functools.cached_property
+    def _digest(self) -> bytes:
+        parts = (self.names, self.parents, self.stacked, self.locations, self.coordinates, self.joint_names, self.prescribed)
+        return hashlib.blake2b(repr((parts, self.attachables, self.candidates, self.neutral, self.properties)).encode()).digest()
+
+    @functools.cached_property
+    def _hash(self) -> int:
+        return hash((self._digest, self.groups))
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        if self is other:
+            return True
+        if not isinstance(other, Topology):
+            return NotImplemented
+        return self._hash == other._hash and self._digest == other._digest and self.groups == other.groups
+
+    @functools.cached_property
+    def index_of(self) -> dict[str, int]:
+        """Index of each frame by name."""
+        return {name: i for i, name in enumerate(self.names)}
+
+    @functools.cached_property
+    def islands(self) -> tuple[int, ...]:
+        """For each frame, the root of the static part of the tree that it belongs to: the root, or an attachable frame."""
+        islands = list(range(len(self.names)))
+        loose = set(self.attachables)
+        for i in range(1, len(self.names)):
+            if i not in loose:
+                islands[i] = islands[self.parents[i]]
+        return tuple(islands)
+
+    @functools.cached_property
+    def depths(self) -> tuple[int, ...]:
+        """Number of edges between the root and each frame."""
+        depths = [0] * len(self.names)
+        for i in range(1, len(self.names)):
+            depths[i] = depths[self.parents[i]] + 1
+        return tuple(depths)
+
+    @functools.cached_property
+    def children(self) -> tuple[tuple[int, ...], ...]:
+        """Indices of each frame's children, in order of declaration."""
+        found: list[list[int]] = [[] for _ in self.names]
+        for i, parent in enumerate(self.parents):
+            if parent >= 0:
+                found[parent].append(i)
+        return tuple(map(tuple, found))
+
+    @functools.cached_property
+    def joint_index(self) -> dict[str, int]:
+        """Index of each joint by name."""
+        return {name: i for i, name in enumerate(self.joint_names)}
+
+    @property
+    def nq(self) -> int:
+        """Number of stored coordinates of all joints."""
+        return sum(c[1] for c in self.coordinates)
+
+    @property
+    def nv(self) -> int:
+        """Number of rates of all joints."""
+        return sum(c[3] for c in self.coordinates)
+
+    def index(self, name: str) -> int:
+        """Return a frame's index.
+
+        Raises:
+            UnknownFrameError: No frame has that name; close names are suggested.
+        """
+        try:
+            return self.index_of[name]
+        except (KeyError, TypeError):
+            shown = name if isinstance(name, str) else repr(name)
+            raise UnknownFrameError(f"the tree has no frame {name!r}.{suggest(shown, self.names)}") from None
+
+    def joint(self, name: str) -> int:
+        """Return a joint's index.
+
+        Raises:
+            UnknownJointError: No joint has that name; close names are suggested.
+        """
+        try:
+            return self.joint_index[name]
+        except (KeyError, TypeError):
+            raise UnknownJointError(f"the tree has no joint {name!r}.{suggest(str(name), self.joint_names)}") from None
+
+    def ancestors(self, frame: int) -> Iterator[int]:
+        """Yield a frame, its parent, and so on to the root."""
+        while frame >= 0:
+            yield frame
+            frame = self.parents[frame]
+
+    def common_ancestor(self, a: int, b: int) -> int:
+        """Return the deepest frame that is an ancestor of both (a frame counts as its own ancestor)."""
+        if self.islands[a] != self.islands[b]:
+            x, y = self.names[a], self.names[b]
+            loose = self.names[self.islands[a] or self.islands[b]]
+            raise TopologyError(
+                f"no static path between {x!r} and {y!r}: what {loose!r} hangs on is data in the state; "
+                f"query it with tree.transform and its like, or ask tree.parent({loose!r}, state)"
+            )
+        while a != b:
+            if self.depths[a] >= self.depths[b]:
+                a = self.parents[a]
+            else:
+                b = self.parents[b]
+        return a
+
+    def down_path(self, ancestor: int, frame: int) -> tuple[int, ...]:
+        """Return the frames from below an ancestor down to a frame: each stands for the edge above it.
+
+        Raises:
+            TopologyError: The frame does not hang below the ancestor.
+        """
+        path = []
+        at = frame
+        while at != ancestor:
+            if at < 0:
+                raise TopologyError(
+                    f"frame {self.names[frame]!r} does not descend from {self.names[ancestor]!r}; "
+                    f"its ancestors are {', '.join(repr(self.names[i]) for i in self.ancestors(frame))}"
+                )
+            path.append(at)
+            at = self.parents[at]
+        return tuple(reversed(path))
+
+    def route(self, of: int, relative_to: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Return the edges from the common ancestor down to ``relative_to`` and down to ``of``."""
+        ancestor = self.common_ancestor(of, relative_to)
+        return self.down_path(ancestor, relative_to), self.down_path(ancestor, of)
+
+    def subtree(self, frame: int) -> tuple[int, ...]:
+        """Return a frame and all frames below it, in order of declaration."""
+        inside = {frame}
+        for i in range(frame + 1, len(self.names)):
+            if self.parents[i] in inside:
+                inside.add(i)
+        return tuple(sorted(inside))
+
+    def names_of(self, frames: Iterable[int]) -> tuple[str, ...]:
+        """Return the names of frames given by index."""
+        return tuple(self.names[i] for i in frames)

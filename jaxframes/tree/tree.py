@@ -1,0 +1,258 @@
+"""FrameTree: the compiled tree that users hold; its numbers are leaves, its topology is static."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+import jax
+import jax.numpy as jnp
+
+from jaxframes.errors import EdgeError
+from jaxframes.spatial import Motion, SpatialAcceleration, SpatialVelocity, Transform, Twist, Wrench
+from jaxframes.tree import grouping
+from jaxframes.tree.attaching import Attaching
+from jaxframes.tree.chain import Chain, make_chain
+from jaxframes.tree.describe import Described
+from jaxframes.tree.edges.base import Edge
+from jaxframes.tree.engine import engine
+from jaxframes.tree.state import State
+from jaxframes.tree.topology import Topology
+
+Screw = TypeVar("Screw", Twist, Wrench)
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, eq=False)
+class FrameTree(Described, Attaching):
+    """A named tree of reference frames; made by ``TreeBuilder.build``.
+
+    Queries name their frames with keywords: ``of`` is the frame asked about, ``relative_to`` the observer, ``expressed_in``
+    only the axes of the result (default: ``relative_to``). Every query is a pure function of the tree's numbers and a
+    ``State``: it jits, vmaps, scans and differentiates, and broadcasts leading batch axes of tree and state. Paths go through
+    the lowest common ancestor, never through the root. Outside the coverage of a table the value and its gradient are NaN.
+
+    Attributes:
+        parameters: Numbers of all edges, stacked by family.
+        topology: Names, parents and layout; static, hashable, equal by value.
+    """
+
+    parameters: grouping.Parameters
+    topology: Topology = field(metadata={"static": True})
+
+    def with_edge(self, name: str, edge: Edge) -> "FrameTree":
+        """Return a tree with the numbers of one edge replaced by those of an edge of the same family; nothing retraces.
+
+        Raises:
+            UnknownFrameError: No such frame.
+            EdgeError: The new edge is of another family; build another tree for that.
+        """
+        t, frame = self.topology, self.topology.index(name)
+        old = self.edge(name)
+        location = t.locations[frame]
+        fresh = grouping.with_edge(self.parameters, t.groups, location, t.stacked[location[0]], edge)
+        if fresh is None:
+            raise EdgeError(f"frame {name!r} hangs on {old.describe()}, which cannot become {edge.describe()}; build another tree")
+        return FrameTree(fresh, t)
+
+    def astype(self, dtype: Any) -> "FrameTree":
+        """Return the tree with its float numbers converted, e.g. to compute in float32."""
+        convert = lambda leaf: leaf.astype(dtype) if jnp.issubdtype(leaf.dtype, jnp.floating) else leaf  # noqa: E731
+        return jax.tree.map(convert, self)
+
+    # --- queries ------------------------------------------------------------------------------------------------------------
+
+    def transform(self, state: State, *, of: str, relative_to: str) -> Transform:
+        """Return the pose of one frame in another, ``relative_to_T_of``: it maps coordinates of ``of`` to ``relative_to``.
+
+        Args:
+            state: Values at one instant or a batch of them.
+            of: Frame asked about.
+            relative_to: Frame of the observer.
+
+        Returns:
+            A ``Transform``: rotation.wxyz [..., 4], translation [..., 3] in metres.
+
+        Raises:
+            UnknownFrameError: A name is not in the tree (close names are suggested).
+            MissingInputError: The path crosses a table and the state has no time.
+
+        Cost: one composition for each edge on the static path through the common ancestor.
+        Gradients: smooth in every input; NaN outside a table's span.
+        """
+        return self._between(state, of, relative_to, None, 0).transform
+
+    def velocity(self, state: State, *, of: str, relative_to: str, expressed_in: str | None = None) -> SpatialVelocity:
+        """Return the velocity of one frame relative to another.
+
+        ``angular`` is the angular velocity of ``of`` relative to ``relative_to``; ``linear`` is the rate of change of the
+        coordinates of the origin of ``of``, as an observer fixed in ``relative_to`` sees it.
+
+        Args:
+            state: Values at one instant or a batch of them.
+            of: Frame asked about.
+            relative_to: Frame of the observer.
+            expressed_in: Frame whose axes resolve the result. Default: ``relative_to``.
+
+        Returns:
+            A ``SpatialVelocity``: angular [..., 3] in rad/s, linear [..., 3] in m/s.
+
+        Raises:
+            UnknownFrameError: A name is not in the tree.
+            MissingInputError: The path crosses a table and the state has no time.
+        """
+        return self._between(state, of, relative_to, expressed_in, 1).velocity
+
+    def acceleration(self, state: State, *, of: str, relative_to: str, expressed_in: str | None = None) -> SpatialAcceleration:
+        """Return the acceleration of one frame relative to another: the classical second derivative, not Featherstone's.
+
+        ``angular`` and ``linear`` are the derivatives of the coordinates of ``velocity`` in the axes of ``relative_to``;
+        ``expressed_in`` then only turns both vectors. The result is therefore not the time derivative of a velocity that is
+        expressed in turning axes.
+
+        Args:
+            state: Values at one instant or a batch of them.
+            of: Frame asked about.
+            relative_to: Frame of the observer.
+            expressed_in: Frame whose axes resolve the result. Default: ``relative_to``.
+
+        Returns:
+            A ``SpatialAcceleration``: angular [..., 3] in rad/s2, linear [..., 3] in m/s2.
+
+        Raises:
+            UnknownFrameError: A name is not in the tree.
+            MissingInputError: The path crosses a table and the state has no time.
+            NoAccelerationError: An edge on the path has no accelerations.
+        """
+        return self._between(state, of, relative_to, expressed_in, 2).acceleration
+
+    def motion(self, state: State, *, of: str, relative_to: str) -> Motion:
+        """Return pose, velocity and acceleration of one frame relative to another, in the axes of ``relative_to``.
+
+        Raises:
+            UnknownFrameError: A name is not in the tree.
+            MissingInputError: The path crosses a table and the state has no time.
+            NoAccelerationError: An edge on the path has no accelerations.
+        """
+        return self._between(state, of, relative_to, None, 2)
+
+    def world_transforms(self, state: State) -> Transform:
+        """Return the poses of all frames in the root, in the order of ``names``: leaves [..., n_frames, 4] and [..., n_frames, 3]."""
+        return engine().all_frames(self, state, relative_to=0, order=0).transform
+
+    def world_velocities(self, state: State) -> SpatialVelocity:
+        """Return the velocities of all frames relative to the root, leaves [..., n_frames, 3]."""
+        return engine().all_frames(self, state, relative_to=0, order=1).velocity
+
+    def world_motions(self, state: State) -> Motion:
+        """Return the motions of all frames relative to the root, leaves [..., n_frames, 4 or 3] (NoAccelerationError)."""
+        return engine().all_frames(self, state, relative_to=0, order=2)
+
+    def relative_transforms(self, state: State, *, relative_to: str) -> Transform:
+        """Return the poses of all frames in one frame, leaves [..., n_frames, 4 or 3] in the order of ``names``.
+
+        Paths start at ``relative_to``: near frames keep their precision even where the root is far away.
+        """
+        return engine().all_frames(self, state, relative_to=self.topology.index(relative_to), order=0).transform
+
+    def transforms_between(self, state: State, *, of: Sequence[str], relative_to: Sequence[str]) -> Transform:
+        """Return the poses of several frames in several others: leaves [..., len(relative_to), len(of), 4 or 3]."""
+        index = self.topology.index
+        return engine().pairs(self, state, of=tuple(map(index, of)), relative_to=tuple(map(index, relative_to)))
+
+    def transform_across(self, *, of: str, of_state: State, relative_to: str, relative_to_state: State, fixed: str) -> Transform:
+        """Return the pose of a frame at one state in another frame at another state, through a frame taken as fixed.
+
+        For example the pose of a camera when the picture was taken, in the base as it stands now, with the world fixed.
+
+        Args:
+            of: Frame asked about, at ``of_state``.
+            of_state: Values when ``of`` is looked at.
+            relative_to: Frame of the observer, at ``relative_to_state``.
+            relative_to_state: Values when the observer looks.
+            fixed: Frame that is taken not to move between the two.
+        """
+        then = self.transform(of_state, of=of, relative_to=fixed)
+        return self.transform(relative_to_state, of=fixed, relative_to=relative_to) @ then
+
+    def jacobian(self, state: State, *, of: str, relative_to: str, expressed_in: str | None = None) -> jax.Array:
+        """Return the Jacobian [..., 6, nv] of ``velocity`` with respect to ``qd``: angular rows first, then linear.
+
+        ``jacobian @ qd`` is the part of the velocity that the joints cause; it is all of it where nothing else moves.
+
+        Raises:
+            UnknownFrameError: A name is not in the tree.
+            MissingInputError: The path crosses a table and the state has no time.
+        """
+        return engine().jacobian(self, state, **self._indices(of, relative_to, expressed_in))
+
+    def jacobian_dot(self, state: State, *, of: str, relative_to: str, expressed_in: str | None = None) -> jax.Array:
+        """Return the time derivative [..., 6, nv] of ``jacobian`` as the joints, tables and prescribed frames move.
+
+        Where only joints move, ``acceleration`` is ``jacobian @ qdd + jacobian_dot @ qd``.
+        """
+        return engine().jacobian_dot(self, state, **self._indices(of, relative_to, expressed_in))
+
+    def rate(self, state: State) -> State:
+        """Return the time derivative of a state, field by field: the tangent that moves it along (for ``jax.jvp``)."""
+        return engine().rate(self, state)
+
+    def express(self, vector: Any, state: State, *, from_: str, to: str) -> jax.Array:
+        """Return a free vector [..., 3] given in the axes of one frame in those of another; no origin enters."""
+        return self.transform(state, of=from_, relative_to=to).rotation @ vector
+
+    def transport(self, value: Screw, state: State, *, from_: str, to: str) -> Screw:
+        """Return a twist or wrench given in the axes and about the origin of one frame in those of another."""
+        return value.transform(self.transform(state, of=from_, relative_to=to))
+
+    def chain(self, *, of: str, relative_to: str, oriented: bool = False) -> Chain:
+        """Return the static path between two frames as a view of this tree.
+
+        Args:
+            of: Frame at the far end.
+            relative_to: Frame at the near end, the observer.
+            oriented: Demand that ``of`` descends from ``relative_to``.
+
+        Raises:
+            UnknownFrameError: A name is not in the tree.
+            TopologyError: ``oriented`` and ``of`` is no descendant.
+        """
+        return make_chain(self, of, relative_to, oriented)
+
+    def rebuild(self) -> Any:
+        """Return a ``TreeBuilder`` that holds this tree's frames, edges, joint names and properties, ready to be changed."""
+        from jaxframes.tree.builder import TreeBuilder
+
+        return TreeBuilder.from_tree(self)
+
+    def reattached(self, frame: str, to: str, state: State, *, keep: str = "relative") -> "FrameTree":
+        """Return a new static tree in which a frame, with all that hangs on it, hangs on another frame (on the host).
+
+        Args:
+            frame: The frame to move.
+            to: Its new parent.
+            state: Where everything is now.
+            keep: ``"relative"`` keeps the edge as it is; ``"world"`` keeps the pose that the frame has in ``state``: a joint
+                keeps its axis and coordinate and gets another placement, an attachable frame becomes fixed.
+
+        Raises:
+            UnknownFrameError: A name is not in the tree.
+            TopologyError: The frame is the root, or ``to`` hangs on it.
+            EdgeError: ``keep="world"`` and the edge has no placement that could take up the difference.
+        """
+        from jaxframes.tree.reattach import reattached
+
+        return reattached(self, frame, to, state, keep)
+
+    def _indices(self, of: str, relative_to: str, expressed_in: str | None) -> dict[str, int]:
+        index = self.topology.index
+        axes = relative_to if expressed_in is None else expressed_in
+        return {"of": index(of), "relative_to": index(relative_to), "expressed_in": index(axes)}
+
+    def _between(self, state: State, of: str, relative_to: str, expressed_in: str | None, order: int) -> Motion:
+        return engine().between(self, state, order=order, **self._indices(of, relative_to, expressed_in))
+
+    def __str__(self) -> str:
+        return self.format()
+
+    def __repr__(self) -> str:
+        return f"FrameTree({len(self.names)} frames below {self.root!r}, {len(self.joint_names)} joints)"

@@ -1,0 +1,155 @@
+"""Building trees: what is refused, and with which words; include, remove, rebuild, properties."""
+
+import numpy as np
+import pytest
+
+import jaxframes as jf
+from jaxframes import errors
+
+
+def base():
+    b = jf.TreeBuilder(root="world")
+    b.add("arm", parent="world", edge=jf.edges.Revolute(axis=(0, 0, 1), limits=(-1, 2)), properties={"maker": "acme", "sizes": [1, 2]})
+    b.add("hand", parent="arm", edge=jf.edges.Prismatic(axis=(1, 0, 0)), joint="grip")
+    b.add("camera", parent="hand", edge=jf.edges.Fixed())
+    return b
+
+
+@pytest.mark.parametrize(
+    ("action", "error", "words"),
+    [
+        (
+            lambda b: b.add("tool", parent="hnad", edge=jf.edges.Fixed()),
+            errors.UnknownFrameError,
+            ["tool", "'hnad'", "Did you mean 'hand'"],
+        ),
+        (lambda b: b.add("arm", parent="hand", edge=jf.edges.Fixed()), errors.DuplicateNameError, ["'arm'", "'world'", "one parent"]),
+        (lambda b: b.add("loop", parent="loop", edge=jf.edges.Fixed()), errors.TopologyError, ["'loop'", "cycle"]),
+        (lambda b: b.add("world", parent="hand", edge=jf.edges.Fixed()), errors.TopologyError, ["'world'", "'hand'", "cycle"]),
+        (lambda b: b.add("", parent="hand", edge=jf.edges.Fixed()), errors.EdgeError, ["empty"]),
+        (lambda b: b.add("x", parent="hand", edge=np.eye(4)), errors.EdgeError, ["'x'", "ndarray", "jf.edges"]),
+        (lambda b: b.add("x", parent="hand", edge=jf.edges.Fixed(), joint="j"), errors.EdgeError, ["'x'", "'j'", "no coordinates"]),
+        (lambda b: b.add("x", parent="hand", edge=jf.edges.Revolute(), joint="grip"), errors.DuplicateNameError, ["'grip'", "'hand'"]),
+        (lambda b: b.add("x", parent="hand", edge=jf.edges.Fixed(), properties={"f": open}), errors.EdgeError, ["'f'", "'x'"]),
+        (lambda b: b.remove("wrold"), errors.UnknownFrameError, ["'wrold'", "'world'"]),
+        (lambda b: b.remove("world"), errors.TopologyError, ["'world'", "root"]),
+        (lambda b: b.include(base().build(), parent="world"), errors.DuplicateNameError, ["world", "prefix"]),
+        (lambda b: b.include(base().build(), parent="wrld", prefix="b/"), errors.UnknownFrameError, ["'wrld'", "'world'"]),
+        (lambda b: jf.edges.Revolute(axis=(0, 0, 0)), errors.EdgeError, ["zero", "(0, 0, 1)"]),
+        (lambda b: jf.edges.Revolute(axis=(0, np.nan, 0)), errors.EdgeError, ["finite"]),
+        (lambda b: jf.edges.Revolute(axis=(0, 1)), errors.EdgeError, ["three numbers"]),
+        (lambda b: jf.edges.Prismatic(limits=(2, 1)), errors.EdgeError, ["reversed", "swap"]),
+        (lambda b: jf.edges.Prescribed(supports_accelerations=1), errors.EdgeError, ["True or False"]),
+    ],
+)
+def test_refusals_name_the_thing_and_the_remedy(action, error, words):
+    b = base()
+    before = b.names
+    with pytest.raises(error) as caught:
+        action(b)
+    assert isinstance(caught.value, jf.FrameError)
+    for word in words:
+        assert word in str(caught.value)
+    assert b.names == before
+
+
+@pytest.mark.parametrize(
+    ("ask", "error", "words"),
+    [
+        (lambda t, s: t.transform(s, of="hnd", relative_to="arm"), errors.UnknownFrameError, ["'hnd'", "'hand'"]),
+        (lambda t, s: t.state(q=[1.0]), errors.ShapeError, ["(1,)", "[..., 2]", "arm, grip"]),
+        (lambda t, s: t.state(q={"hand": 1.0}), errors.UnknownJointError, ["'hand'", "arm"]),
+        (lambda t, s: t.set_qd(s, {"arm": np.zeros(())[None][None, :, None]}).qd, None, []),
+        (lambda t, s: t.set_motion(s, "hand"), errors.EdgeError, ["'hand'", "Prescribed"]),
+        (lambda t, s: t.edge("world"), errors.TopologyError, ["'world'", "root"]),
+        (lambda t, s: t.parent("world"), errors.TopologyError, ["'world'", "root"]),
+        (lambda t, s: t.chain(of="world", relative_to="hand", oriented=True), errors.TopologyError, ["'world'", "'hand'", "descend"]),
+        (lambda t, s: t.with_edge("hand", jf.edges.Fixed()), errors.EdgeError, ["'hand'", "prismatic", "fixed"]),
+        (lambda t, s: s.replace(qq=1), errors.FrameError, ["'qq'"]),
+        (lambda t, s: t.transform(s.replace(q=np.zeros(3)), of="hand", relative_to="arm"), errors.ShapeError, ["(3,)", "[..., 2]"]),
+    ],
+)
+def test_bad_questions_are_answered_by_name(ask, error, words):
+    tree = base().build()
+    if error is None:
+        ask(tree, tree.state())
+        return
+    with pytest.raises(error) as caught:
+        ask(tree, tree.state())
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_frames_by_position_are_a_type_error():
+    tree = base().build()
+    with pytest.raises(TypeError):
+        tree.transform(tree.state(), "hand", "world")
+
+
+def test_missing_time_and_accelerations_are_trace_time_errors():
+    b = jf.TreeBuilder()
+    b.add("craft", parent="world", edge=jf.edges.Prescribed(supports_accelerations=False))
+    b.add("tool", parent="craft", edge=jf.edges.Revolute())
+    tree = b.build()
+    state = tree.state()
+    assert tree.velocity(state, of="tool", relative_to="world").linear.shape == (3,)
+    assert tree.acceleration(state, of="tool", relative_to="craft").linear.shape == (3,)
+    assert not tree.chain(of="tool", relative_to="world").supports_accelerations
+    assert tree.chain(of="tool", relative_to="craft").supports_accelerations
+    for ask in (tree.acceleration, tree.motion):
+        with pytest.raises(errors.NoAccelerationError, match="'craft'"):
+            ask(state, of="tool", relative_to="world")
+    with pytest.raises(errors.NoAccelerationError, match="'craft'"):
+        tree.world_motions(state)
+
+
+def test_prescribed_edges_start_at_identity_and_rest():
+    b = jf.TreeBuilder()
+    b.add("craft", parent="world", edge=jf.edges.Prescribed())
+    tree = b.build()
+    motion = tree.motion(tree.state(), of="craft", relative_to="world")
+    np.testing.assert_array_equal(motion.transform.rotation.wxyz, [1, 0, 0, 0])
+    for leaf in (motion.transform.translation, motion.velocity.as_vector(), motion.acceleration.as_vector()):
+        assert not np.any(leaf)
+
+
+def test_properties_are_immutable_and_survive_include_and_rebuild():
+    tree = base().build()
+    assert tree.properties["arm"] == {"maker": "acme", "sizes": (1, 2)}
+    assert tree.properties["hand"] == {}
+    with pytest.raises(TypeError):
+        tree.properties["arm"]["maker"] = "other"
+    b = jf.TreeBuilder(root="site")
+    b.include(tree, parent="site", prefix="left/")
+    b.include(tree, parent="site", prefix="right/")
+    both = b.build()
+    assert both.properties["right/arm"]["maker"] == "acme"
+    assert both.joint_names == ("left/arm", "left/grip", "right/arm", "right/grip")
+    assert both.parent("left/world") == "site"
+    assert both.path(of="left/camera", relative_to="left/world") == (("left/arm", 1), ("left/hand", 1), ("left/camera", 1))
+    again = both.rebuild().build()
+    assert again.topology == both.topology
+
+
+def test_included_trees_move_as_they_did(tol):
+    tree = base().build()
+    b = jf.TreeBuilder(root="site")
+    b.include(tree, parent="site", prefix="a/")
+    both = b.build()
+    alone = tree.transform(tree.state(q=[0.3, 0.7]), of="camera", relative_to="world")
+    inside = both.transform(both.state(q=[0.3, 0.7]), of="a/camera", relative_to="a/world")
+    np.testing.assert_allclose(inside.translation, alone.translation, atol=tol)
+
+
+def test_remove_takes_the_subtree_or_reparents_the_children():
+    b = base()
+    b.remove("hand")
+    assert b.names == ("world", "arm")
+    assert b.build().joint_names == ("arm",)
+    b = base()
+    b.remove("hand", children="reparent")
+    tree = b.build()
+    assert tree.names == ("world", "arm", "camera")
+    assert tree.parent("camera") == "arm"
+    b.add("hand", parent="camera", edge=jf.edges.Revolute(), joint="grip")
+    assert b.build().joint_names == ("arm", "grip")
