@@ -1,0 +1,308 @@
+"""Kernels: SPICE files opened for making tables, in a process of their own."""
+
+import os
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxframes.errors import (
+    BadKernelError,
+    CoverageError,
+    MissingKernelError,
+    NoPathError,
+    UnknownAxesError,
+    UnknownBodyError,
+    suggest,
+)
+from jaxframes.numerics.boundary import default_float
+from jaxframes.spice import build
+from jaxframes.spice.hashes import sha256
+from jaxframes.spice.info import Info, Source, decimal
+from jaxframes.spice.legs import to_leg
+from jaxframes.spice.paths import orientation_pieces, translation_legs
+from jaxframes.spice.process import CspiceError, KernelProcess
+from jaxframes.spice.segments import Piece, Segment, coverage, read_records
+from jaxframes.spice.tables import OrientationTable, TranslationTable
+from jaxframes.spice.times import Instant, exact_seconds, pairs, reference_day, span_text
+
+SOLAR_SYSTEM_BARYCENTER = ("SSB", "SOLAR SYSTEM BARYCENTER", "SOLAR_SYSTEM_BARYCENTER")
+INERTIAL, BINARY_PCK = 1, 2
+CLASSES = {1: "inertial", 2: "PCK", 3: "CK", 4: "fixed offset (TK)", 5: "dynamic", 6: "switch"}
+
+T = TypeVar("T", TranslationTable, OrientationTable)
+
+
+class Kernels:
+    """SPICE kernels, read in a private pool: the caller's own spiceypy, if any, is neither imported nor touched.
+
+    A process of its own holds the pool until the ``with`` block ends. What it makes are tables, which need no kernel afterwards.
+    Later files win over earlier ones, and within a file later segments over earlier ones, as in SPICE.
+
+    Example:
+        >>> import jaxframes as jf
+        >>> with jf.spice.Kernels(jf.spice.find_kernels("de440")) as kernels:
+        ...     sun = kernels.translation(target="SUN", center="SSB", start="2026-01-01", stop="2026-02-01")
+    """
+
+    def __init__(self, paths: Iterable[str | os.PathLike[str]] | str | os.PathLike[str]):
+        """Load kernels, in order.
+
+        Args:
+            paths: Files to load: binary SPK and PCK, text kernels, meta-kernels.
+
+        Raises:
+            MissingKernelError: If a file is missing, or spiceypy is.
+            BadKernelError: If a file is no kernel, or is damaged.
+        """
+        listed = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
+        files = [Path(p).absolute() for p in listed]
+        for file in files:
+            if not file.is_file():
+                raise MissingKernelError(
+                    f"There is no kernel file {file}. Check the path; jf.spice.find_kernels() finds those that packages ship."
+                )
+        self._process, self._text = KernelProcess(), list[Path]()
+        try:
+            for file in files:
+                self._load(file)
+            described = self._process.call("segments", doing="listing the segments of the kernels")
+            self._segments = [Segment(**s) for s in described]
+        except CspiceError as error:
+            self.close()
+            raise BadKernelError(f"The segments of the kernels cannot be listed: {error}") from error
+        except BaseException:
+            self.close()
+            raise
+
+    def _load(self, file: Path) -> None:
+        doing = f"loading {file}"
+        try:
+            architecture, _ = self._process.call("kind", str(file), doing=doing) if file.stat().st_size else ("?", "?")
+            if architecture not in ("DAF", "DAS", "KPL") and not (architecture == "?" and _is_text_kernel(file)):
+                transfer = architecture in ("XFR", "DEC")
+                remedy = (
+                    "It is a transfer file: convert it with NAIF's tobin." if transfer else "Give binary SPK or PCK files, or text kernels."
+                )
+                raise BadKernelError(f"{file} is not a SPICE kernel (CSPICE says {architecture!r}). {remedy}")
+            self._process.call("load", str(file), doing=doing)
+            if architecture not in ("DAF", "DAS"):
+                self._text.append(file)
+        except CspiceError as error:
+            missing = error.short in ("SPICE(NOSUCHFILE)", "SPICE(FILENOTFOUND)")  # one that a meta-kernel names
+            raise (MissingKernelError if missing else BadKernelError)(f"{file} cannot be loaded: {error}") from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the process that holds the kernels; tables made before stay as they are."""
+        self._process.close()
+
+    def translation(
+        self, *, target: str | int, center: str | int, frame: str = "J2000", start: Instant | None = None, stop: Instant | None = None
+    ) -> TranslationTable:
+        """Return the edge that carries a body's position relative to another, by extraction of the records: exact.
+
+        Args:
+            target: Body by name or id, e.g. ``"MOON"``, ``301``; ``"SSB"`` is the Solar System barycentre.
+            center: Body that the parent frame is centred on.
+            frame: Inertial frame whose axes parent and child have.
+            start: Start of the coverage: TDB calendar text, ET seconds, or ``Epoch``. Default: from where the kernels have data.
+            stop: End of the coverage. Default: as far as the kernels have data.
+
+        Raises:
+            UnknownBodyError: If a body is unknown.
+            UnknownAxesError: If the frame is unknown.
+            NoPathError: If the kernels do not connect the bodies, or the axes turn.
+            CoverageError: If the kernels do not cover the span.
+        """
+        of, relative = self._body(target, "target"), self._body(center, "center")
+        if of == relative:
+            raise NoPathError(f"target and center are the same body, {self._name(of)} ({of}): use jf.edges.Fixed().")
+        axes = self._inertial(frame, "frame")
+        bounds = self._span(start, stop, "SPK", (of, relative))
+        legs = []
+        for sign, pieces in translation_legs(of, relative, self._segments, *bounds, self._name):
+            parts = [(piece, self._rotation(piece.segment, axes["name"])) for piece in pieces]
+            legs.append(self._join(parts, sign, bounds[0]))
+        combined = [build.in_metres(leg) for leg in build.combine([leg for leg, _ in legs])]
+        used = [piece for _, pieces in legs for piece in pieces]
+        names = (self._name(of), of, self._name(relative), relative, axes["name"])
+        return self._table(TranslationTable, "translation", names, bounds, combined, used)
+
+    def orientation(
+        self, *, frame: str, relative_to: str = "J2000", start: Instant | None = None, stop: Instant | None = None
+    ) -> OrientationTable:
+        """Return the edge that carries a body-fixed frame's orientation from a binary PCK, by extraction of the records: exact.
+
+        Args:
+            frame: The body-fixed frame, e.g. ``"ITRF93"``.
+            relative_to: Inertial frame that the parent has the axes of.
+            start: Start of the coverage, as in ``translation``.
+            stop: End of the coverage.
+
+        Raises:
+            UnknownAxesError: If a frame is unknown.
+            NoPathError: If no binary PCK segment orients the frame, or ``relative_to`` turns.
+            CoverageError: If the kernels do not cover the span.
+        """
+        of, base = self._axes(frame), self._inertial(relative_to, "relative_to")
+        if of["class"] != BINARY_PCK:
+            kind = CLASSES.get(of["class"], "?")
+            remedy = "use jf.edges.Fixed with a constant rotation" if of["class"] in (1, 4) else "no table can be made of it yet"
+            raise NoPathError(f"{of['name']} is a frame of class {of['class']} ({kind}), not one oriented by a binary PCK: {remedy}.")
+        bounds = self._span(start, stop, "PCK", (of["class_id"],))
+        pieces = orientation_pieces(of["class_id"], of["name"], self._segments, *bounds)
+        bases = {piece.segment.frame for piece in pieces}
+        if len(bases) > 1:
+            raise NoPathError(
+                f"The segments of {of['name']} are relative to different frames {sorted(bases)} over this span: make one table for each."
+            )
+        rotation = self._rotation(pieces[0].segment, base["name"])
+        leg, _ = self._join([(piece, None) for piece in pieces], 1, bounds[0])
+        names = (of["name"], of["id"], base["name"], base["id"], base["name"])
+        placement = jnp.asarray(_quaternion(np.eye(3) if rotation is None else rotation), default_float())
+        return self._table(OrientationTable, "orientation", names, bounds, [build.unwound(leg)], pieces, placement=placement)
+
+    def states(self, *, target: str | int, center: str | int, times: Any, frame: str = "J2000") -> tuple[np.ndarray, np.ndarray]:
+        """Return what CSPICE itself says (``spkez``, geometric): positions [n, 3] in m and velocities [n, 3] in m/s.
+
+        One call of CSPICE an epoch: to check tables against, not to compute with.
+
+        Args:
+            target: Body by name or id.
+            center: Body that the states are relative to.
+            times: Seconds past J2000 TDB, [n].
+            frame: Frame of the axes.
+
+        Raises:
+            SpiceError: If CSPICE has no answer for one of the epochs.
+        """
+        of, relative, axes = self._body(target, "target"), self._body(center, "center"), self._axes(frame)["name"]
+        found = self._process.call("states", of, relative, axes, np.asarray(times, float), doing="computing states")
+        return found[:, :3] * build.METRES, found[:, 3:] * build.METRES
+
+    def turns(self, *, frame: str, times: Any, relative_to: str = "J2000") -> tuple[np.ndarray, np.ndarray]:
+        """Return what CSPICE itself says (``sxform``): rotation matrices o_R_p [n, 3, 3] and angular velocities [n, 3] in rad/s.
+
+        Matrices map coordinates of ``frame`` to ``relative_to``, velocities are in the axes of ``relative_to``.
+        Arguments and errors as in ``states``.
+        """
+        of, base = self._axes(frame)["name"], self._axes(relative_to)["name"]
+        return self._process.call("turns", of, base, np.asarray(times, float), doing="computing orientations")
+
+    def _table(
+        self,
+        kind: type[T],
+        name: str,
+        names: tuple[str, int, str, int, str],
+        bounds: tuple[Fraction, Fraction],
+        legs: Sequence[build.HostLeg],
+        used: Sequence[Piece],
+        **more: Any,
+    ) -> T:
+        reference = reference_day(bounds[0])
+        files = [Path(p) for p in sorted({piece.segment.path for piece in used})] + self._text
+        info = Info(
+            name,
+            *names,
+            *(decimal(x) for x in (*bounds, Fraction(reference))),
+            sources=tuple(Source(f.name, sha256(f)) for f in files),
+            segments=tuple(dict.fromkeys(f"{piece.segment.describe()}, frame id {piece.segment.frame}" for piece in used)),
+            toolkit=self._process.call("version", doing="asking for the version"),
+        )
+        made = tuple(to_leg(leg.arrays, leg.series, leg.compares) for leg in legs)
+        fields = {"legs": made, "reference": pairs(Fraction(reference)), "span": pairs(*(x - reference for x in bounds)), "info": info}
+        return kind(**fields, **more)
+
+    def _join(self, parts: list[tuple[Piece, np.ndarray | None]], sign: int, start: Fraction) -> tuple[build.HostLeg, list[Piece]]:
+        pieces = [piece for piece, _ in parts]
+        records = []
+        for piece, rotation in parts:
+            read = read_records(self._process, piece)
+            records.append(read if rotation is None else build.rotated(read, rotation))
+        return build.join(records, sign, reference_day(start)), pieces
+
+    def _rotation(self, segment: Segment, axes: str) -> np.ndarray | None:
+        """Return the matrix from a segment's own inertial frame to another, None where they are the same."""
+        own = self._process.call("frame", str(segment.frame), doing=f"looking up frame {segment.frame}")
+        if own is None or own["class"] != INERTIAL:
+            label = "unknown to the kernels loaded" if own is None else f"{own['name']}, which turns"
+            raise NoPathError(f"{segment.describe()} is relative to frame {segment.frame}, {label}: only inertial frames are extracted.")
+        if own["name"] == axes:
+            return None
+        return np.array(self._process.call("rotation", own["name"], axes, doing=f"rotating {own['name']} to {axes}"))
+
+    def _span(self, start: Instant | None, stop: Instant | None, kind: str, bodies: tuple[int, ...]) -> tuple[Fraction, Fraction]:
+        """Return the span asked for; a side left out is where all data of the bodies named begin or end."""
+        low = exact_seconds(start, "start") if start is not None else None
+        high = exact_seconds(stop, "stop") if stop is not None else None
+        if low is None or high is None:
+            own = [c for body in bodies if (c := coverage(s for s in self._segments if s.kind == kind and s.body == body))]
+            if not own:
+                return low or Fraction(0), high or Fraction(1)  # no data at all: the search for a way says so
+            low = max(c[0][0] for c in own) if low is None else low
+            high = min(c[-1][1] for c in own) if high is None else high
+        if low >= high:
+            raise CoverageError(f"start lies at or after stop: {span_text(low, high)}. A table needs a span of time.")
+        return low, high
+
+    def _body(self, body: str | int, role: str) -> int:
+        if isinstance(body, str) and body.strip().upper() in SOLAR_SYSTEM_BARYCENTER:
+            return 0
+        found = self._process.call("body", str(body), doing=f"looking up {body!r}")
+        if found is None:
+            held = {b for s in self._segments if s.kind == "SPK" for b in (s.body, s.center)}
+            names = self._process.call("body_names", sorted(held | set(range(1000))), doing="listing bodies")
+            raise UnknownBodyError(
+                f"{role} = {body!r} is no body known to SPICE.{suggest(str(body).upper(), names)} An id number works too."
+            )
+        return int(found)
+
+    def _name(self, body: int) -> str:
+        return "SSB" if body == 0 else self._process.call("body_name", body, doing=f"naming body {body}")
+
+    def _axes(self, frame: str) -> dict[str, Any]:
+        found = self._process.call("frame", str(frame), doing=f"looking up {frame!r}")
+        if found is None:
+            names = self._process.call("frame_names", doing="listing frames")
+            raise UnknownAxesError(f"{frame!r} is no frame known to SPICE or to the kernels loaded.{suggest(str(frame).upper(), names)}")
+        return found
+
+    def _inertial(self, frame: str, role: str) -> dict[str, Any]:
+        found = self._axes(frame)
+        if found["class"] != INERTIAL:
+            raise NoPathError(
+                f"{role} = {frame!r} is a {CLASSES.get(found['class'], '?')} frame, which turns; tables have inertial axes, as 'J2000'. "
+                f"Add the orientation as an edge of its own: kernels.orientation(frame={frame!r}, relative_to='J2000')."
+            )
+        return found
+
+
+def _quaternion(matrix: np.ndarray) -> np.ndarray:
+    """Return the unit quaternion wxyz of a rotation matrix: the eigenvector of Bar-Itzhack's 4x4 form (2000)."""
+    m = matrix
+    form = np.array(
+        [
+            [m[0, 0] + m[1, 1] + m[2, 2], m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]],
+            [m[2, 1] - m[1, 2], m[0, 0] - m[1, 1] - m[2, 2], m[0, 1] + m[1, 0], m[0, 2] + m[2, 0]],
+            [m[0, 2] - m[2, 0], m[0, 1] + m[1, 0], m[1, 1] - m[0, 0] - m[2, 2], m[1, 2] + m[2, 1]],
+            [m[1, 0] - m[0, 1], m[0, 2] + m[2, 0], m[1, 2] + m[2, 1], m[2, 2] - m[0, 0] - m[1, 1]],
+        ]
+    )
+    vector = np.linalg.eigh(form)[1][:, -1]
+    return vector if vector[np.argmax(np.abs(vector))] > 0 else -vector
+
+
+def _is_text_kernel(file: Path) -> bool:
+    """Whether a file without a kernel's first word holds kernel data nevertheless (old text kernels do)."""
+    with file.open("rb") as content:
+        return b"\\begindata" in content.read(1 << 20)

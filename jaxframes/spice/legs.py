@@ -1,0 +1,95 @@
+"""A leg: one run of Chebyshev records as arrays, and finding the record that serves an instant."""
+
+from dataclasses import dataclass, field
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from jaxframes.numerics.boundary import default_float
+from jaxframes.spice.times import split
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Leg:
+    """Records of one Chebyshev run; times in seconds past the table's reference epoch, in two parts.
+
+    Attributes:
+        rows: ``[n, series * terms + 3]``: coefficients term by term (SI), then the record's middle in two parts and its half length.
+            The middle and half length are those stored in the kernel, not recomputed.
+        grid: ``[3]``: start of the first cell in two parts, and the cells' width.
+        first: ``[cells]``: the record that serves where a cell starts (whole numbers, kept as floats so that a tree of tables can be
+            differentiated); None where cells are records.
+        ends: ``[n, 2]``: end of each record in two parts; None where cells are records.
+        series: 3 for one series an axis, 6 where velocities have series of their own (SPK type 3).
+        compares: Most records that begin within one cell.
+    """
+
+    rows: jax.Array
+    grid: jax.Array
+    first: jax.Array | None
+    ends: jax.Array | None
+    series: int = field(metadata={"static": True})
+    compares: int = field(metadata={"static": True})
+
+    @property
+    def terms(self) -> int:
+        """Coefficients a series."""
+        return (self.rows.shape[-1] - 3) // self.series
+
+    @property
+    def bytes(self) -> int:
+        """Size of the arrays."""
+        return sum(a.nbytes for a in (self.rows, self.grid, self.first, self.ends) if a is not None)
+
+    def record(self, dt_hi: jax.Array, dt_lo: jax.Array) -> jax.Array:
+        """Return the index (int32 [...]) of the record that serves an instant; the first or last one outside.
+
+        Uniform records are found by one division; others by the table of the cell and ``compares`` comparisons. The last instant
+        belongs to the last record.
+        """
+        origin_hi, origin_lo, width = (self.grid[i] for i in range(3))
+        cells = self.rows.shape[0] if self.first is None else self.first.shape[0]
+        position = jnp.floor(((dt_hi - origin_hi) + (dt_lo - origin_lo)) / width)
+        cell = _bounded(jnp.clip(position, 0, cells - 1).astype(jnp.int32), cells)
+        if self.first is None or self.ends is None:
+            return cell
+        index = self.first.at[cell].get(mode="promise_in_bounds").astype(jnp.int32)
+        for _ in range(self.compares):
+            end = self.ends.at[index].get(mode="promise_in_bounds")
+            index = index + (((dt_hi - end[..., 0]) + (dt_lo - end[..., 1])) >= 0).astype(jnp.int32)
+            index = _bounded(index, self.rows.shape[0])
+        return index
+
+
+def _bounded(index: jax.Array, count: int) -> jax.Array:
+    """Return an index within bounds: what a NaN converts to is not defined."""
+    return lax.clamp(np.int32(0), index, np.int32(count - 1))
+
+
+def to_leg(arrays: dict[str, np.ndarray], series: int, compares: int) -> Leg:
+    """Return a leg of the default float dtype from float64 arrays; pairs keep what one float32 cannot hold."""
+    dtype = np.dtype(default_float())
+    rows = arrays["rows"].astype(dtype)
+    rows[:, -3], rows[:, -2] = split(arrays["rows"][:, -3], arrays["rows"][:, -2], dtype)
+    grid = arrays["grid"].astype(dtype)
+    grid[0], grid[1] = split(arrays["grid"][0], arrays["grid"][1], dtype)
+    first = jnp.asarray(arrays["first"].astype(dtype)) if "first" in arrays else None
+    ends = None
+    if "ends" in arrays:
+        ends = jnp.asarray(np.stack(split(arrays["ends"][:, 0], arrays["ends"][:, 1], dtype), 1))
+    return Leg(jnp.asarray(rows), jnp.asarray(grid), first, ends, series, compares)
+
+
+def from_leg(leg: Leg) -> dict[str, np.ndarray]:
+    """Return a leg's arrays as float64; exact, so that ``to_leg`` gives the same leg again."""
+    rows, grid = np.array(leg.rows, np.float64), np.array(leg.grid, np.float64)
+    rows[:, -3], rows[:, -2] = split(rows[:, -3], rows[:, -2], np.dtype(np.float64))
+    grid[0], grid[1] = split(grid[0], grid[1], np.dtype(np.float64))
+    arrays = {"rows": rows, "grid": grid}
+    if leg.first is not None and leg.ends is not None:
+        ends = np.array(leg.ends, np.float64)
+        arrays |= {"first": np.array(leg.first, np.float64), "ends": np.stack(split(ends[:, 0], ends[:, 1], np.dtype(np.float64)), 1)}
+    return arrays

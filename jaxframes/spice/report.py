@@ -1,0 +1,75 @@
+"""The report of a table: what it is made of, and how far its records fail to meet."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from jaxframes.spice.info import Info
+from jaxframes.spice.legs import Leg, from_leg
+
+UNITS = {"translation": ("m", "m/s", "m/s2"), "orientation": ("rad", "rad/s", "rad/s2")}
+
+
+def report(info: Info, legs: Sequence[Leg]) -> str:
+    """Return the report of a table as text."""
+    what = "position" if info.kind == "translation" else "orientation"
+    lines = [
+        f"{what} of {info.of} ({info.of_id}) relative to {info.relative_to} ({info.relative_id}), axes {info.axes}",
+        f"method:   exact extraction of Chebyshev records, {len(legs)} leg{'s' if len(legs) != 1 else ''}",
+        f"coverage: {info.coverage}",
+        f"size:     {sum(leg.bytes for leg in legs)} bytes, {legs[0].rows.dtype.name}",
+    ]
+    for i, leg in enumerate(legs, 1):
+        days = 2 * float(leg.rows[:, -1].max()) / 86400
+        own = ", velocities of their own" if leg.series == 6 else ""
+        lines.append(f"leg {i}:    {leg.rows.shape[0]} records of up to {days:.6g} days, degree {leg.terms - 1}{own}")
+        jumps = record_jumps(leg)
+        if jumps is not None:
+            text = ", ".join(f"{jump:.2g} {unit}" for jump, unit in zip(jumps, UNITS[info.kind], strict=True))
+            lines.append(f"          largest jumps between records: {text}")
+    lines += [f"segment:  {text}" for text in info.segments]
+    lines += [f"kernel:   {source.name} sha256 {source.sha256}" for source in info.sources]
+    lines.append(f"read by:  {info.toolkit}")
+    return "\n".join(lines)
+
+
+def record_jumps(leg: Leg) -> tuple[float, float, float] | None:
+    """Return the largest jumps of value, first and second derivative where one record hands over to the next.
+
+    The jump is the length of the difference vector at the instant where the earlier record ends; angles are compared modulo a
+    whole turn when they are angles, which is left to the caller to read: a kernel may wind an angle back from record to record.
+
+    Returns:
+        Three numbers in SI units, or None for a leg of one record.
+    """
+    rows = from_leg(leg)["rows"]
+    if len(rows) < 2:
+        return None
+    left, right = rows[:-1], rows[1:]
+    instant = left[:, -3] + left[:, -1]
+    ends = [_derivatives(leg, side, ((instant - side[:, -3]) + (left[:, -2] - side[:, -2])) / side[:, -1]) for side in (left, right)]
+    jumps = [a - b for a, b in zip(*ends, strict=True)]
+    turn = 2 * np.pi
+    if np.abs(jumps[0]).max() > turn / 2 and np.abs(ends[0][0]).max() < 4 * turn:
+        jumps[0] = jumps[0] - turn * np.round(jumps[0] / turn)
+    first, second, third = (float(np.linalg.norm(jump, axis=1).max()) for jump in jumps)
+    return first, second, third
+
+
+def _derivatives(leg: Leg, rows: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return value, first and second derivative [n, 3] of one record a row, at one argument a row."""
+    n = len(rows)
+    coefficients = rows[:, :-3].reshape(n, leg.terms, leg.series).transpose(1, 2, 0)
+    radius = rows[:, -1]
+    position, rate = coefficients[:, :3], coefficients[:, 3:] if leg.series == 6 else None
+    out = [_value(position, s)]
+    if rate is None:
+        rate = np.polynomial.chebyshev.chebder(position) / radius
+    out.append(_value(rate, s))
+    out.append(_value(np.polynomial.chebyshev.chebder(rate) / radius, s))
+    return tuple(out)
+
+
+def _value(coefficients: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Return series ``[terms, 3, n]`` at arguments ``[n]`` as ``[n, 3]``."""
+    return np.polynomial.chebyshev.chebval(s, coefficients, tensor=False).T

@@ -1,0 +1,176 @@
+"""Edges made of Chebyshev tables: where a body is, and how a frame is turned."""
+
+import functools
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxframes.errors import EdgeError, MissingInputError
+from jaxframes.numerics.boundary import assemble, default_float, parameters
+from jaxframes.numerics.components import V3, Component, Quat
+from jaxframes.numerics.rigid import AT_REST, Rigid
+from jaxframes.numerics.steps import Coordinate, Step, Turn, append
+from jaxframes.spice import evaluate
+from jaxframes.spice.evaluate import Run
+from jaxframes.spice.info import Info
+from jaxframes.spice.legs import Leg
+from jaxframes.spice.report import report
+from jaxframes.tree.edges.base import Edge, Inputs, family
+
+
+class Table(Edge):
+    """What both kinds of table share. Time is an ``Epoch``; outside the coverage everything is NaN, gradients included.
+
+    Attributes:
+        legs: Chebyshev runs whose sum is the table's value (SI units).
+        reference: ``[2]``: reference epoch in two parts, seconds past J2000 TDB.
+        span: ``[4]``: start and stop of the coverage, each in two parts, seconds past the reference.
+        info: Names, ids, coverage and kernels; static.
+    """
+
+    stacks: ClassVar[bool] = False
+    needs_time: ClassVar[bool] = True
+    legs: tuple[Leg, ...]
+    reference: jax.Array
+    span: jax.Array
+    info: Info
+
+    @property
+    def run(self) -> Run:
+        """The arrays that an evaluation reads."""
+        return Run(self.legs, self.reference, self.span)
+
+    def coverage_code(self, time: Any) -> jax.Array:
+        """Return -1 where an ``Epoch`` (or ET seconds) lies before the coverage, 0 inside, +1 after: int32 [...]."""
+        return evaluate.coverage_code(self.run, *_two_parts(time))
+
+    def report(self) -> str:
+        """Return what the table is made of, in lines: method, records, degree, bytes, coverage, kernels, jumps between records."""
+        return report(self.info, self.legs)
+
+    def values(self, inputs: Inputs, order: int) -> tuple[V3, ...]:
+        """Return the table's value and its derivatives at the epoch of a state, as components."""
+        if inputs.time is None:
+            raise MissingInputError(f"{self.describe()} depends on time: give the state one, tree.state(time=...).")
+        return _triples(evaluate.evaluate(self.run, *inputs.time, order))
+
+
+@family(static=("info",))
+class TranslationTable(Table):
+    """Where a body is relative to another: a pure translation between frames with the axes of one inertial frame.
+
+    Made by ``Kernels.translation`` or ``jf.spice.load``. Position, velocity and acceleration in m, m/s, m/s2; velocity and
+    acceleration are the derivatives of the records' polynomials (for SPK type 3 the velocity is the kernel's own series).
+
+    Example:
+        >>> import jaxframes as jf
+        >>> with jf.spice.Kernels(jf.spice.find_kernels("de440")) as kernels:
+        ...     moon = kernels.translation(target="MOON", center="EARTH", start="2026-01-01", stop="2026-02-01")
+        >>> bool(3.5e8 < jax.numpy.linalg.norm(moon.evaluate(jf.Epoch.from_tdb("2026-01-15"), order=0)[0]) < 4.1e8)
+        True
+    """
+
+    legs: tuple[Leg, ...]
+    reference: jax.Array
+    span: jax.Array
+    info: Info
+
+    def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
+        """Return one motion: the translation, without rotation."""
+        position, *rates = self.values(inputs, order)
+        linear = dict(zip(("linear", "linear2"), rates, strict=False))
+        return (Rigid(translation=position, **linear),)
+
+    def describe(self) -> str:
+        """Return the kind of the edge, its bodies and its axes."""
+        return f"table: {self.info.of} from {self.info.relative_to} in {self.info.axes}"
+
+    def evaluate(self, time: Any, order: int = 2) -> tuple[jax.Array, ...]:
+        """Return position, velocity and acceleration, each [..., 3]; the first ``order + 1`` of them.
+
+        Args:
+            time: An ``Epoch`` [...], or seconds past J2000 TDB [...].
+            order: 0, 1 or 2.
+        """
+        return _translation(_order(order), self.run, *_two_parts(time))
+
+
+@family(static=("info",))
+class OrientationTable(Table):
+    """How a body-fixed frame is turned relative to an inertial one: a pure rotation by three Euler angles in time.
+
+    The pose ``o_T_p`` maps coordinates of the body-fixed frame p to the inertial frame o: R = placement Rz(phi) Rx(theta) Rz(psi).
+    This is the transpose of SPICE's ``eul2m(psi, theta, phi, 3, 1, 3)``, turned from the segment's own base frame.
+
+    Attributes:
+        placement: ``[4]``: quaternion wxyz of the segment's base frame in the frame asked for.
+    """
+
+    legs: tuple[Leg, ...]
+    reference: jax.Array
+    span: jax.Array
+    placement: jax.Array
+    info: Info
+
+    def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
+        """Return three turns, by phi about z, theta about x and psi about z."""
+        placement = Quat(*parameters(self.placement, inputs.batch_rank))
+        return _turns(placement, self.values(inputs, order))
+
+    def describe(self) -> str:
+        """Return the kind of the edge and its frames."""
+        return f"table: {self.info.of} from {self.info.relative_to}"
+
+    def evaluate(self, time: Any, order: int = 2) -> tuple[jax.Array, ...]:
+        """Return the quaternion wxyz [..., 4], angular velocity and angular acceleration [..., 3] in the inertial frame's axes.
+
+        Args:
+            time: An ``Epoch`` [...], or seconds past J2000 TDB [...].
+            order: 0, 1 or 2; the first ``order + 1`` of the three are returned.
+        """
+        return _orientation(_order(order), self.run, self.placement, *_two_parts(time))
+
+
+def _turns(placement: Quat, angles: tuple[V3, ...]) -> tuple[Step, ...]:
+    """Return the three turns that Euler angles (phi, theta, psi) with their derivatives stand for."""
+    phi, theta, psi = (Coordinate(*parts) for parts in zip(*angles, strict=True))
+    x, z = V3(1.0, 0.0, 0.0), V3(0.0, 0.0, 1.0)
+    return Turn(z, phi, rotation=placement), Turn(x, theta), Turn(z, psi)
+
+
+def _triples(values: tuple[Component, ...]) -> tuple[V3, ...]:
+    return tuple(V3(*values[i : i + 3]) for i in range(0, len(values), 3))
+
+
+def _order(order: int) -> int:
+    if order not in (0, 1, 2):
+        raise EdgeError(f"order={order!r}: tables give order 0 (value), 1 (and rate) or 2 (and acceleration)")
+    return order
+
+
+def _two_parts(time: Any) -> tuple[Any, Any]:
+    """Return the parts of an ``Epoch``; plain seconds keep what one number of the default dtype cannot hold."""
+    if hasattr(time, "hi"):
+        return time.hi, time.lo
+    if isinstance(time, jax.Array):
+        return time, jnp.zeros_like(time)
+    exact = np.asarray(time, np.float64)
+    high = exact.astype(np.dtype(default_float()))
+    return high, (exact - high.astype(np.float64)).astype(high.dtype)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _translation(order: int, run: Run, hi: Any, lo: Any) -> tuple[jax.Array, ...]:
+    return evaluate.evaluate(run, hi, lo, order, vectors=True)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _orientation(order: int, run: Run, placement: jax.Array, hi: Any, lo: Any) -> tuple[jax.Array, ...]:
+    motion = AT_REST
+    shape = jnp.broadcast_shapes(jnp.shape(hi), jnp.shape(lo))
+    for step in _turns(Quat(*parameters(placement)), _triples(evaluate.evaluate(run, hi, lo, order))):
+        motion = append(motion, step, order)
+    results = (motion.rotation, motion.angular, motion.angular2)
+    return tuple(assemble(tuple(r), shape, run.legs[0].rows.dtype) for r in results[: order + 1])

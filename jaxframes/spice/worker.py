@@ -1,0 +1,200 @@
+"""The process that reads kernels: run by file path, it imports spiceypy and numpy only and answers requests on its pipes.
+
+A CSPICE kernel pool belongs to a process. Reading in another process leaves the user's own pool as it is, works from any thread,
+and turns a crash of CSPICE on a damaged kernel into an exception. Requests and answers are pickles with a length in front; what CSPICE
+prints goes nowhere near them.
+"""
+
+import os
+import pickle
+import struct
+import sys
+from typing import Any, BinaryIO
+
+SLICE = 1 << 20  # words read at a time
+MOST_SEGMENTS = 1_000_000  # in one file: a damaged list may run in a circle
+
+
+def send(stream: BinaryIO, message: object) -> None:
+    """Write one message."""
+    data = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
+    stream.write(struct.pack("<Q", len(data)))
+    stream.write(data)
+    stream.flush()
+
+
+def receive(stream: BinaryIO) -> Any:
+    """Read one message; raises EOFError where the stream ends."""
+    header = _exactly(stream, 8)
+    return pickle.loads(_exactly(stream, struct.unpack("<Q", header)[0]))
+
+
+def _exactly(stream: BinaryIO, count: int) -> bytes:
+    data = stream.read(count)
+    if data is None or len(data) < count:
+        raise EOFError("the stream ended within a message")
+    return data
+
+
+class Reader:
+    """The requests that the worker answers, each a method."""
+
+    def __init__(self) -> None:
+        import numpy
+        import spiceypy
+
+        self.numpy, self.spice = numpy, spiceypy
+        spiceypy.erract("SET", 10, "RETURN")
+        spiceypy.errprt("SET", 10, "NONE")
+
+    def version(self) -> str:
+        """Return the version of CSPICE."""
+        return self.spice.tkvrsn("TOOLKIT")
+
+    def kind(self, path: str) -> tuple[str, str]:
+        """Return the architecture and type of a file, ("?", "?") if it is no kernel."""
+        return self.spice.getfat(path)
+
+    def load(self, path: str) -> None:
+        """Load a kernel into the pool of this process."""
+        self.spice.furnsh(path)
+
+    def segments(self) -> list[dict[str, Any]]:
+        """Return the segments of all binary SPK and PCK files loaded, in order of loading: later ones win."""
+        found = []
+        for file_kind in ("SPK", "PCK"):
+            for i in range(self.spice.ktotal(file_kind)):
+                path, _, _, handle = self.spice.kdata(i, file_kind)[:4]
+                found += self._file_segments(file_kind, path, handle)
+        return found
+
+    def _file_segments(self, file_kind: str, path: str, handle: int) -> list[dict[str, Any]]:
+        doubles, integers = (2, 6) if file_kind == "SPK" else (2, 5)
+        found = []
+        self.spice.dafbfs(handle)
+        while self.spice.daffna():
+            if len(found) >= MOST_SEGMENTS:
+                raise RuntimeError("the file's list of segments does not end")
+            summary = self.spice.dafgs()
+            dc, ic = self.spice.dafus(summary, doubles, integers)
+            ic = [int(i) for i in ic]
+            body, *center, frame, data_type, first, last = ic
+            found.append(
+                {
+                    "kind": file_kind,
+                    "path": path,
+                    "handle": handle,
+                    "body": body,
+                    "center": center[0] if center else 0,
+                    "frame": frame,
+                    "type": data_type,
+                    "begin": float(dc[0]),
+                    "end": float(dc[1]),
+                    "first": first,
+                    "last": last,
+                    "directory": self._directory(handle, data_type, first, last, os.path.getsize(path)),
+                    "name": self.spice.dafgn(64).strip(),
+                }
+            )
+        return found
+
+    def _directory(self, handle: int, data_type: int, first: int, last: int, size: int) -> tuple[float, ...] | None:
+        """Return the last four words of a Chebyshev segment, or None where the file ends before them."""
+        if data_type not in (2, 3) or not 0 < first <= last - 4 or last * 8 > size:
+            return None
+        return tuple(float(w) for w in self.spice.dafgda(handle, last - 3, last))
+
+    def words(self, handle: int, first: int, last: int) -> Any:
+        """Return the double-precision words first..last (counted from one) of a file as an array."""
+        parts = [self.spice.dafgda(handle, a, min(a + SLICE - 1, last)) for a in range(first, last + 1, SLICE)]
+        return self.numpy.concatenate([self.numpy.asarray(p, "<f8") for p in parts])
+
+    def body(self, name: str) -> int | None:
+        """Return the id of a body by name or by a number as text, None if unknown."""
+        try:
+            return int(self.spice.bods2c(name))
+        except self.spice.NotFoundError:
+            return None
+
+    def body_name(self, body: int) -> str:
+        """Return the name of a body, or its number as text."""
+        try:
+            return self.spice.bodc2n(body)
+        except self.spice.NotFoundError:
+            return str(body)
+
+    def body_names(self, bodies: list[int]) -> list[str]:
+        """Return the names of those bodies that have one."""
+        names = (self.body_name(body) for body in bodies)
+        return sorted({name for name in names if not name.lstrip("-").isdigit()})
+
+    def frame(self, name: str) -> dict[str, Any] | None:
+        """Return id, name, center, class and class id of a frame by name or by a number as text, None if unknown."""
+        number = int(name) if name.lstrip("-").isdigit() else int(self.spice.namfrm(name))
+        try:
+            center, frame_class, class_id = self.spice.frinfo(number)
+        except self.spice.NotFoundError:
+            return None
+        return {
+            "id": number,
+            "name": self.spice.frmnam(number),
+            "center": int(center),
+            "class": int(frame_class),
+            "class_id": int(class_id),
+        }
+
+    def frame_names(self) -> list[str]:
+        """Return the names of all frames, built in and defined by text kernels."""
+        numbers = [int(i) for cell in (self.spice.bltfrm(-1), self.spice.kplfrm(-1)) for i in cell]
+        return [self.spice.frmnam(i) for i in numbers]
+
+    def rotation(self, source: str, destination: str) -> list[list[float]]:
+        """Return the matrix that takes coordinates from one inertial frame to another."""
+        return [[float(x) for x in row] for row in self.spice.pxform(source, destination, 0.0)]
+
+    def states(self, target: int, center: int, frame: str, times: Any) -> Any:
+        """Return geometric states of a body, [n, 6] in km and km/s, at ET seconds."""
+        return self.numpy.array([self.spice.spkez(target, float(t), frame, "NONE", center)[0] for t in times])
+
+    def turns(self, frame: str, relative_to: str, times: Any) -> Any:
+        """Return rotation matrices [n, 3, 3] from a frame to another and angular velocities [n, 3] of it there, at ET seconds."""
+        found = [self.spice.xf2rav(self.spice.sxform(relative_to, frame, float(t))) for t in times]
+        return self.numpy.array([m.T for m, _ in found]), self.numpy.array([w for _, w in found])
+
+
+def serve(requests: BinaryIO, answers: BinaryIO) -> None:
+    """Answer requests (method, arguments) until the stream ends."""
+    try:
+        reader = Reader()
+    except Exception as error:
+        send(answers, ("failed", type(error).__name__, str(error)))
+        return
+    send(answers, ("ok", None))
+    while True:
+        try:
+            method, arguments = receive(requests)
+        except EOFError:
+            return
+        try:
+            answer = ("ok", getattr(reader, method)(*arguments))
+        except Exception as error:
+            short = getattr(error, "short", type(error).__name__)
+            text = getattr(error, "long", "") or getattr(error, "explain", "") or str(error)
+            answer = ("failed", str(short), " ".join(str(text).split()))
+        send(answers, answer)
+
+
+def main() -> None:
+    """Keep the real output for answers only, and serve."""
+    if os.name == "nt":
+        import msvcrt
+
+        for descriptor in (0, 1):
+            msvcrt.setmode(descriptor, os.O_BINARY)  # pyright: ignore[reportAttributeAccessIssue]
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    serve(sys.stdin.buffer, answers)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,107 @@
+"""The process that reads kernels: private, robust, gone when it is done with."""
+
+import gc
+import os
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+import jaxframes as jf
+from jaxframes import errors
+from tests.spice import made
+
+PROBE = """
+import sys
+import jaxframes as jf
+with jf.spice.Kernels(jf.spice.find_kernels()) as kernels:
+    edge = kernels.translation(target="MOON", center="EARTH", start="2026-01-01", stop="2026-01-09")
+    jf.spice.save(sys.argv[1], {"moon": edge, "earth": kernels.orientation(frame="ITRF93", start="2026-01-01", stop="2026-01-03")})
+jf.spice.load(sys.argv[1])["moon"].evaluate(jf.Epoch.from_tdb("2026-01-05"))
+assert "spiceypy" not in sys.modules
+print("quiet")
+"""
+
+
+def test_this_process_never_imports_spiceypy_and_nothing_is_printed(tmp_path):
+    done = subprocess.run([sys.executable, "-c", PROBE, str(tmp_path / "t.npz")], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.returncode) == ("quiet\n", 0), done.stderr
+
+
+def pool(spice):
+    return [spice.kdata(i, "ALL") for i in range(spice.ktotal("ALL"))], list(spice.gnpool("*", 0, 5000)), spice.erract("GET", 10, "")
+
+
+def test_the_users_own_pool_is_untouched(cspice, paths, tmp_path, rng):
+    cspice.unload(paths[0])
+    before = pool(cspice)
+    other = made.spk(tmp_path / "a.bsp", [(2, -77, 399, "J2000", 0.0, 500.0, 0.0, 100.0, made.coefficients(rng, 5, 3, 7))])
+    with jf.spice.Kernels([*paths, other]) as kernels:
+        kernels.translation(target=-77, center="MOON")
+        assert pool(cspice) == before
+    assert pool(cspice) == before
+    with pytest.raises(cspice.exceptions.SpiceyError):
+        cspice.spkez(-77, 100.0, "J2000", "NONE", 399)
+
+
+def alive(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_the_process_ends_with_the_block_and_with_the_object(paths):
+    with jf.spice.Kernels(paths[1]) as kernels:
+        pid = kernels._process._popen.pid
+        assert alive(pid)
+    assert not alive(pid)
+    kernels.close()
+    forgotten = jf.spice.Kernels(paths[1])
+    pid = forgotten._process._popen.pid
+    del forgotten
+    gc.collect()
+    deadline = time.monotonic() + 10
+    while alive(pid) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert not alive(pid)
+
+
+def test_a_process_that_dies_is_a_damaged_kernel(paths):
+    kernels = jf.spice.Kernels(paths[0])
+    kernels._process._popen.kill()
+    with pytest.raises(errors.BadKernelError, match=r"CSPICE broke down while .*\(exit code -9\)"):
+        kernels.translation(target="MOON", center="EARTH", start="2026-01-01", stop="2026-02-01")
+    with pytest.raises(errors.SpiceError, match="closed"):
+        kernels.translation(target="MOON", center="EARTH", start="2026-01-01", stop="2026-02-01")
+
+
+def test_threads_take_turns(kernels):
+    made_edges, failures = {}, []
+
+    def work(month):
+        try:
+            made_edges[month] = kernels.translation(
+                target="MOON", center="EARTH", start=f"2026-{month:02d}-01", stop=f"2026-{month:02d}-20"
+            )
+        except Exception as error:
+            failures.append(error)
+
+    threads = [threading.Thread(target=work, args=(month,)) for month in range(1, 9)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not failures
+    for month, edge in made_edges.items():
+        assert int(edge.coverage_code(jf.Epoch.from_tdb(f"2026-{month:02d}-10"))) == 0
+
+
+def test_modules_beside_the_worker_do_not_shadow_others(tmp_path, paths, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "numpy.py").write_text("raise RuntimeError('shadowed')")
+    with jf.spice.Kernels(paths[1]):
+        pass
