@@ -1,0 +1,1 @@
+"""Trees and values from and to files and other libraries."""

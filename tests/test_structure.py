@@ -1,0 +1,101 @@
+"""The house rules: imports point one way, every module says what it is for, no file grows too long, imports stay light."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parent.parent / "jaxframes"
+FILES = sorted(p for p in PACKAGE.rglob("*.py"))
+LAYERS = {
+    **{"_version": 0, "errors": 0, "numerics": 1, "spatial": 2, "tree": 3, "kinematics": 4},
+    **{"spice": 5, "io": 5, "view": 5, "bulk": 5, "data": 5, "__init__": 6, "cli": 7, "__main__": 8},
+}
+LONGEST = 350
+
+
+def name_of(path):
+    return str(path.relative_to(PACKAGE))
+
+
+def layer_of(parts):
+    return LAYERS[parts[0]] if parts else LAYERS["__init__"]
+
+
+def imported(path):
+    """Every module of the package that a file imports, wherever in the file, as parts below ``jaxframes``."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{name_of(path)}:{node.lineno}: relative import"
+            base = node.module or ""
+            names = [f"jaxframes.{a.name}" for a in node.names] if base == "jaxframes" else [base]
+        for name in names:
+            if name.split(".")[0] == "jaxframes":
+                yield node.lineno, tuple(name.split(".")[1:])
+
+
+@pytest.mark.parametrize("path", FILES, ids=name_of)
+def test_imports_point_one_way(path):
+    parts = path.relative_to(PACKAGE).with_suffix("").parts
+    own = layer_of(parts)
+    for line, target in imported(path):
+        if not target:
+            assert parts[0] in ("__main__", "cli"), f"{name_of(path)}:{line} imports the whole package"
+            continue
+        room = target[0] if target[0] in LAYERS else "__init__"
+        assert LAYERS[room] < own or room == parts[0], f"{name_of(path)}:{line} imports {'.'.join(target)}, which lies above"
+
+
+@pytest.mark.parametrize("path", FILES, ids=name_of)
+def test_every_module_says_what_it_is_for(path):
+    assert ast.get_docstring(ast.parse(path.read_text())), f"{name_of(path)} has no docstring"
+
+
+@pytest.mark.parametrize("path", FILES, ids=name_of)
+def test_no_file_grows_too_long(path):
+    assert len(path.read_text().splitlines()) <= LONGEST
+
+
+def test_only_the_spice_layer_imports_spiceypy():
+    offenders = [name_of(p) for p in FILES if "spiceypy" in imports_of(p) and p.relative_to(PACKAGE).parts[0] != "spice"]
+    assert offenders == []
+
+
+def imports_of(path):
+    nodes = list(ast.walk(ast.parse(path.read_text())))
+    plain = {a.name.split(".")[0] for n in nodes if isinstance(n, ast.Import) for a in n.names}
+    return plain | {n.module.split(".")[0] for n in nodes if isinstance(n, ast.ImportFrom) and n.module}
+
+
+IMPORT_PROBE = """
+import jax, time
+before = {name: getattr(jax.config, name) for name in ("jax_enable_x64", "jax_default_matmul_precision", "jax_numpy_rank_promotion")}
+import builtins, socket
+opened = []
+real_open = builtins.open
+builtins.open = lambda file, *a, **k: (opened.append(file), real_open(file, *a, **k))[1]
+def refuse(*a, **k): raise AssertionError("a socket at import")
+socket.socket.connect = refuse
+start = time.perf_counter()
+import jaxframes
+cost = time.perf_counter() - start
+builtins.open = real_open
+assert before == {name: getattr(jax.config, name) for name in before}, "global configuration changed"
+assert not opened, opened
+from jax._src import xla_bridge
+assert not xla_bridge._backends, "a backend was started"
+import sys
+heavy = [m for m in ("spiceypy", "scipy", "matplotlib", "jaxlie", "mujoco", "xarray", "bokeh") if m in sys.modules]
+assert not [m for m in heavy if m != "scipy"], heavy
+print(cost)
+"""
+
+
+def test_import_is_light_and_changes_nothing():
+    done = subprocess.run([sys.executable, "-c", IMPORT_PROBE], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
