@@ -59,13 +59,12 @@ def orbit(time: Epoch) -> Motion:
     acceleration = -_MOON_GM * position / (r**3)[..., None]
     turn = n * a * b / r**2
     bend = -2 * turn * (n * a**2 * e * sin_e / r) / r
-    normal = jnp.asarray([0.0, 0.0, 1.0], r.dtype)
     plane = Rotation.from_rpy(*_PLANE)
     attitude = plane @ Rotation.rot_z(jnp.arctan2(position[..., 1], position[..., 0]))
     return Motion(
         Transform(attitude, plane @ position),
-        SpatialVelocity(plane @ (turn[..., None] * normal), plane @ velocity),
-        SpatialAcceleration(plane @ (bend[..., None] * normal), plane @ acceleration),
+        SpatialVelocity(plane @ jnp.stack([zero, zero, turn], -1), plane @ velocity),
+        SpatialAcceleration(plane @ jnp.stack([zero, zero, bend], -1), plane @ acceleration),
     )
 
 

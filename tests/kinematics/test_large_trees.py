@@ -1,0 +1,126 @@
+"""Trees of up to 60 frames with every kind of edge, tables and attachable frames included: against matrices, and through time."""
+
+import functools
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxframes as jf
+from tests import oracle
+from tests.random_trees import parts, random_tree, unit
+
+
+@pytest.mark.float64
+@pytest.mark.parametrize(("seed", "count"), [(0, 2), (1, 17), (2, 33), (3, 60)])
+def test_random_pairs_and_triples_against_matrices(seed, count):
+    rng = np.random.default_rng(100 + seed)
+    tree, state, links = random_tree(rng, count)
+    o, c = (int(i) for i in rng.integers(0, count + 1, 2))
+    triples = [(int(rng.integers(0, count + 1)), o, c) for _ in range(2)]
+
+    def ask(tree, state):
+        motions = [tree.motion(state, of=f"f{p}", relative_to=f"f{o}") for p, o, _ in triples]
+        turned = [tree.acceleration(state, of=f"f{p}", relative_to=f"f{o}", expressed_in=f"f{c}") for p, o, c in triples]
+        return motions, turned
+
+    batch = jax.tree.map(lambda x: jnp.stack([x, x]), state)
+    results = {"jit": jax.jit(ask)(tree, state)}
+    if count < 20:
+        results["vmap"] = jax.tree.map(lambda x: x[1], jax.jit(jax.vmap(ask, in_axes=(None, 0)))(tree, batch))
+        results["batch"] = jax.tree.map(lambda x: x[1], jax.jit(ask)(tree, batch))
+    for i, (p, o, c) in enumerate(triples):
+        expected = oracle.motion(links, p, o)
+        axes = oracle.relative(links, o, c)
+        turn = np.array([[float(axes[r, k]) for k in range(3)] for r in range(3)])
+        for how, (motions, turned) in results.items():
+            for mine, theirs in zip(parts(motions[i]), expected, strict=True):
+                assert np.abs(mine - theirs).max() <= 1e-11 * max(1.0, np.abs(theirs).max()), (how, p, o)
+            linear = turn @ expected[5]
+            assert np.abs(np.asarray(turned[i].linear) - linear).max() <= 1e-11 * max(1.0, np.abs(linear).max()), (how, p, o, c)
+
+
+def mixed_scene(rng):
+    """A tree with every kind of edge on the way: tables, joints, prescribed and attachable frames, attachables on attachables."""
+    tables = jf.spice.example_tables()
+    b = jf.TreeBuilder(root="emb")
+    b.add("earth", parent="emb", edge=tables["earth"])
+    b.add("itrf93", parent="earth", edge=tables["itrf93"])
+    pose = lambda: jf.Transform(jf.Rotation.from_quaternion_wxyz(unit(rng, 4)), rng.normal(size=3))
+    b.add("mount", parent="itrf93", edge=jf.edges.Fixed(pose()))
+    b.add("craft", parent="mount", edge=jf.edges.Prescribed())
+    b.add("slide", parent="craft", edge=jf.edges.Prismatic(axis=(1, 2, 3), placement=pose()))
+    b.add("turn", parent="slide", edge=jf.edges.Revolute(axis=(3, -1, 2), placement=pose()))
+    b.add("load", parent="turn", edge=jf.edges.Attachable(pose()))
+    b.add("wheel", parent="load", edge=jf.edges.Revolute(axis=(0, 1, 1), placement=pose()))
+    b.add("tag", parent="wheel", edge=jf.edges.Attachable(pose()))
+    return b.build()
+
+
+def moved(motion, t):
+    """A motion's pose a short time later: rotation exp(w t + alpha t2 / 2) R, translation l + v t + a t2 / 2."""
+    turn = jf.Rotation.from_rotation_vector(motion.velocity.angular * t + motion.acceleration.angular * (t * t / 2))
+    place = motion.transform.translation + motion.velocity.linear * t + motion.acceleration.linear * (t * t / 2)
+    return motion.replace(transform=jf.Transform(turn @ motion.transform.rotation, place))
+
+
+@pytest.mark.float64
+@pytest.mark.parametrize(("of", "relative_to"), [("tag", "emb"), ("mount", "wheel")])
+def test_motions_are_derivatives_of_poses_through_time(of, relative_to):
+    rng = np.random.default_rng(7)
+    tree = mixed_scene(rng)
+    q, qd, qdd = rng.normal(size=(3, 3))
+    start = jf.Epoch.from_tdb("2026-05-01T06:00:00")
+
+    def speed():
+        return jf.SpatialVelocity(*rng.normal(size=(2, 3))), jf.SpatialAcceleration(*rng.normal(size=(2, 3)))
+
+    first = tree.state(q=q, qd=qd, qdd=qdd, time=start)
+    first = tree.set_motion(first, "craft", jf.Transform(jf.Rotation.from_quaternion_wxyz(unit(rng, 4)), rng.normal(size=3)), *speed())
+    first = tree.set_motion(tree.set_motion(first, "load", None, *speed()), "tag", None, *speed())
+    attach = functools.partial(jf.Attachments, first.attachments.parents)
+
+    def at(t):
+        held = first.replace(q=q + qd * t + qdd * (t * t / 2), time=start + t, prescribed=moved(first.prescribed, t))
+        return held.replace(attachments=attach(moved(first.attachments.motion, t)))
+
+    def ends(t):
+        pose = tree.transform(at(t), of=of, relative_to=relative_to)
+        return pose.rotation.to_matrix(), pose.translation
+
+    once = lambda t: jax.jvp(ends, (t,), (1.0,))
+    ((matrix, place), (matrix1, place1)), (_, (matrix2, place2)) = jax.jit(lambda t: jax.jvp(once, (t,), (1.0,)))(0.0)
+    vee = lambda m: np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]]) / 2
+    motion = jax.jit(lambda s: tree.motion(s, of=of, relative_to=relative_to))(first)
+    spin = np.asarray(matrix1) @ np.asarray(matrix).T
+    bend = np.asarray(matrix2) @ np.asarray(matrix).T - spin @ spin
+    for mine, theirs in (
+        (motion.transform.translation, place),
+        (motion.velocity.angular, vee(spin)),
+        (motion.velocity.linear, place1),
+        (motion.acceleration.angular, vee(bend)),
+        (motion.acceleration.linear, place2),
+    ):
+        assert np.abs(np.asarray(mine) - np.asarray(theirs)).max() <= 1e-11 * max(1.0, np.abs(np.asarray(theirs)).max())
+
+
+def test_new_prescribed_values_and_attachments_never_retrace(dtype):
+    chex.clear_trace_counter()
+    b = jf.TreeBuilder()
+    b.add("craft", parent="world", edge=jf.edges.Prescribed())
+    b.add("load", parent="craft", edge=jf.edges.Attachable())
+    tree = b.build()
+
+    @jax.jit
+    @chex.assert_max_traces(n=1)
+    def ask(state):
+        return tree.transform(state, of="load", relative_to="world").translation
+
+    state = tree.state()
+    ask(state)
+    state = tree.set_motion(state, "craft", jf.Transform.from_translation((1, 2, 3)))
+    np.testing.assert_array_equal(ask(state), [1, 2, 3])
+    state = tree.set_motion(tree.detach(state, "load"), "load", jf.Transform.from_translation(np.array([4.0, 5.0, 6.0])))
+    np.testing.assert_array_equal(ask(state), [4, 5, 6])
