@@ -53,7 +53,7 @@ def test_the_demos_samples_are_right():
     assert abs(float(weights @ np.asarray(samples.range[:5])) - float(samples.range_rate[2])) < 1e-6
     state = demo_scene.tracking_state(tree, times)
     sight = tree.transform(state, of="station", relative_to="antenna").translation
-    offset = np.asarray(sight - np.array([0.0, 0.0, 0.0]))
+    offset = np.asarray(sight)
     angle = np.linalg.norm(offset[:, 1:], axis=1) / offset[:, 0]
     assert (np.abs(angle) < 1e-8).all()  # the gimbal's centre is not the craft's: a metre at lunar distance
     rates = jax.device_get(tree.velocity(state, of="station", relative_to="antenna").linear)
