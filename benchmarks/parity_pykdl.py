@@ -25,21 +25,27 @@ class Live:
         self.kdl = kdl
 
     def vector(self, v):
+        """Return a vector of PyKDL."""
         return self.kdl.Vector(*map(float, v))
 
     def rotation(self, m):
+        """Return a rotation of PyKDL."""
         return self.kdl.Rotation(*map(float, np.ravel(m)))
 
     def frame(self, f):
+        """Return a frame of PyKDL."""
         return self.kdl.Frame(self.rotation(f["M"]), self.vector(f["p"]))
 
     def twist(self, t):
+        """Return a twist of PyKDL."""
         return self.kdl.Twist(self.vector(t["vel"]), self.vector(t["rot"]))
 
     def wrench(self, w):
+        """Return a wrench of PyKDL."""
         return self.kdl.Wrench(self.vector(w["force"]), self.vector(w["torque"]))
 
     def plain(self, x):
+        """Return a value of PyKDL as arrays."""
         kdl = self.kdl
         if isinstance(x, kdl.Vector):
             return np.array([x[i] for i in range(3)])
@@ -55,7 +61,7 @@ class Live:
 
     def table(self):
         """Return {function: (kinds of inputs, PyKDL's answer)}."""
-        kdl, v, r, f, t, w = self.kdl, self.vector, self.rotation, self.frame, self.twist, self.wrench
+        kdl, v, r, f, t = self.kdl, self.vector, self.rotation, self.frame, self.twist
 
         def integrated(F, t_, freq):
             pose = f(F)

@@ -10,7 +10,7 @@ neither (seen on XLA:CPU, which contracts products and sums). For the same reaso
 import functools
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -19,8 +19,16 @@ from jax import lax
 
 from jaxframes.numerics.trig import sin_cos
 
+Entry: TypeAlias = Any
+"""A component that is an array: inside a lifted function all of them are."""
 
-def series(coefficients: Sequence[float], x: jax.Array) -> jax.Array:
+
+def rounding(x: Entry) -> float:
+    """Return the spacing of numbers just above 1 in the dtype of an array."""
+    return float(jnp.finfo(x.dtype).eps)
+
+
+def series(coefficients: Sequence[float], x: Entry) -> Entry:
     """Return the sum of coefficients[n] x^n (Horner)."""
     total = jnp.full_like(x, coefficients[-1])
     for coefficient in reversed(coefficients[:-1]):
@@ -29,7 +37,7 @@ def series(coefficients: Sequence[float], x: jax.Array) -> jax.Array:
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
-def stumpff(order: int, square: jax.Array) -> jax.Array:
+def stumpff(order: int, square: Entry) -> Entry:
     """Return c_k(a^2) = sum of (-a^2)^n / (k + 2n)!: cos a, sin(a)/a, (1 - cos a)/a^2, (a - sin a)/a^3, ... (Stumpff 1947)."""
     # from order 2 on the closed forms are differences, of more terms with each order: harmless where a > 2, from order 5 a > 4
     limit, terms = (0.0625, 9) if order < 2 else (4.0, 15) if order < 5 else (16.0, 20)
@@ -39,7 +47,7 @@ def stumpff(order: int, square: jax.Array) -> jax.Array:
     return jnp.where(square < limit, near, _stumpff_closed(order, far))
 
 
-def _stumpff_closed(order: int, square: jax.Array) -> jax.Array:
+def _stumpff_closed(order: int, square: Entry) -> Entry:
     angle = jnp.sqrt(square)
     if order == 2:
         s, _ = sin_cos(angle * 0.5)
@@ -52,7 +60,7 @@ def _stumpff_closed(order: int, square: jax.Array) -> jax.Array:
 
 
 @stumpff.defjvp
-def _stumpff_jvp(order: int, primals: tuple[jax.Array], tangents: tuple[jax.Array]) -> tuple[jax.Array, jax.Array]:
+def _stumpff_jvp(order: int, primals: tuple[Entry], tangents: tuple[Entry]) -> tuple[Entry, Entry]:
     (square,), (tangent,) = primals, tangents
     rate = -0.5 * stumpff(order + 1, square)
     if order:
@@ -60,27 +68,27 @@ def _stumpff_jvp(order: int, primals: tuple[jax.Array], tangents: tuple[jax.Arra
     return stumpff(order, square), rate * tangent
 
 
-def cos_sinc(square: jax.Array) -> tuple[jax.Array, jax.Array]:
+def cos_sinc(square: Entry) -> tuple[Entry, Entry]:
     """Return (cos a, sin(a) / a) for a^2."""
     return stumpff(0, square), stumpff(1, square)
 
 
-def versine(square: jax.Array) -> jax.Array:
+def versine(square: Entry) -> Entry:
     """Return (1 - cos a) / a^2 for a^2."""
     return stumpff(2, square)
 
 
-def cubic_remainder(square: jax.Array) -> jax.Array:
+def cubic_remainder(square: Entry) -> Entry:
     """Return (a - sin a) / a^3 for a^2."""
     return stumpff(3, square)
 
 
-def half_cotangent_remainder(square: jax.Array) -> jax.Array:
+def half_cotangent_remainder(square: Entry) -> Entry:
     """Return (1 - (a/2) cot(a/2)) / a^2 for a^2, as (c3 - 2 c4) / (2 c2); its pole is at a = 2 pi."""
     return (stumpff(3, square) - 2.0 * stumpff(4, square)) / (2.0 * stumpff(2, square))
 
 
-def arc(square: jax.Array, w: jax.Array) -> jax.Array:
+def arc(square: Entry, w: Entry) -> Entry:
     """Return atan2(s, w) / s for s^2 and w: half the angle of a quaternion over the length of its vector part.
 
     Smooth for w > 0 through s = 0, and for s > 0 through w = 0; at s = 0 with w < 0 the angle is pi and there is no limit.
@@ -89,7 +97,7 @@ def arc(square: jax.Array, w: jax.Array) -> jax.Array:
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
-def _arc(order: int, square: jax.Array, w: jax.Array) -> jax.Array:
+def _arc(order: int, square: Entry, w: Entry) -> Entry:
     """Return G_m = (-1)^m / m! times the m-th derivative of G = atan2(s, w) / s with respect to s^2.
 
     G_m = ((2m - 1) G_(m-1) - w / n^m) / (2 m s^2) with n = s^2 + w^2; for small s a power series in s^2 / w^2.
@@ -109,18 +117,18 @@ def _arc(order: int, square: jax.Array, w: jax.Array) -> jax.Array:
 
 
 @_arc.defjvp
-def _arc_jvp(order: int, primals: tuple[jax.Array, jax.Array], tangents: tuple[jax.Array, jax.Array]) -> tuple[Any, Any]:
+def _arc_jvp(order: int, primals: tuple[Entry, Entry], tangents: tuple[Entry, Entry]) -> tuple[Any, Any]:
     (square, w), (d_square, d_w) = primals, tangents
     along_w = -1.0 / (square + w * w) ** (order + 1)
     return _arc(order, square, w), along_w * d_w - (order + 1) * _arc(order + 1, square, w) * d_square
 
 
-def atan2(y: jax.Array, x: jax.Array) -> jax.Array:
+def atan2(y: Entry, x: Entry) -> Entry:
     """Return the angle of the point (x, y)."""
     return jnp.arctan2(y, x)
 
 
-def binary_scale(components: Sequence[jax.Array]) -> jax.Array:
+def binary_scale(components: Sequence[Entry]) -> Entry:
     """Return the power of two just below the largest magnitude, 1 for zero: dividing by it is exact and prevents overflow."""
     largest = lax.stop_gradient(jnp.abs(components[0]))
     for component in components[1:]:
@@ -133,7 +141,7 @@ def binary_scale(components: Sequence[jax.Array]) -> jax.Array:
     return jnp.where(power > 0, power, jnp.ones_like(power))
 
 
-def norm(components: Sequence[jax.Array]) -> jax.Array:
+def norm(components: Sequence[Entry]) -> Entry:
     """Return the Euclidean norm: no overflow or underflow; at zero the value and all derivatives are 0."""
     scale = binary_scale(components)
     scaled = [c / scale for c in components]
@@ -144,7 +152,7 @@ def norm(components: Sequence[jax.Array]) -> jax.Array:
     return jnp.where(nothing, 0.0, jnp.sqrt(jnp.where(nothing, 1.0, square)) * scale)
 
 
-def normalize(components: Sequence[jax.Array]) -> tuple[list[jax.Array], jax.Array]:
+def normalize(components: Sequence[Entry]) -> tuple[list[Entry], jax.Array]:
     """Return (components over their norm, norm); components that are all zero give NaN."""
     scale = binary_scale(components)
     scaled = [c / scale for c in components]

@@ -7,6 +7,7 @@ import jax
 
 from jaxframes.errors import FrameError, suggest
 from jaxframes.spatial import Epoch, Motion
+from jaxframes.spatial.value import tag
 
 
 @jax.tree_util.register_dataclass
@@ -21,6 +22,7 @@ class Attachments:
 
     parents: jax.Array
     motion: Motion
+    kind: str = tag("Attachments")
 
 
 @jax.tree_util.register_dataclass
@@ -45,6 +47,7 @@ class State:
     time: Epoch | None
     prescribed: Motion
     attachments: Attachments | None = None
+    kind: str = tag("State")
 
     def replace(self, **changes: Any) -> "State":
         """Return a copy with fields replaced; ``time`` may be an ``Epoch`` or seconds past J2000 TDB.
@@ -53,7 +56,7 @@ class State:
             FrameError: There is no such field.
         """
         for name in changes:
-            if name not in self.__dataclass_fields__:
+            if name not in self.__dataclass_fields__ or name == "kind":
                 raise FrameError(f"a state has no field {name!r}.{suggest(name, self.__dataclass_fields__)}")
         if changes.get("time") is not None:
             changes["time"] = Epoch.from_et(changes["time"])

@@ -1,0 +1,149 @@
+"""The operations of Rotation on arrays: each is a function of components, lifted."""
+
+import jax.numpy as jnp
+
+from jaxframes.numerics import smooth
+from jaxframes.numerics.components import V3, Quat, cross, dot, quat_conj, quat_from, quat_mul, rotate_inverse
+from jaxframes.numerics.components import rotate as rotate_components
+from jaxframes.numerics.lift import lift
+from jaxframes.numerics.smooth import Entry
+from jaxframes.numerics.trig import sin_cos
+from jaxframes.spatial import euler, so3
+
+normalized = lift(Quat, out=Quat)(so3.normalized)
+exp = lift(V3, out=Quat)(so3.exp)
+log = lift(Quat, out=V3)(so3.log)
+angle = lift(Quat, out=None)(so3.angle)
+to_matrix = lift(Quat, out=tuple)(so3.to_matrix)
+from_matrix = lift(tuple, out=Quat)(so3.from_matrix)
+slerp = lift(Quat, Quat, None, out=Quat)(so3.slerp)
+compose = lift(Quat, Quat, out=Quat)(quat_mul)
+conjugate = lift(Quat, out=Quat)(quat_conj)
+rotate = lift(Quat, V3, out=V3)(rotate_components)
+rotate_back = lift(Quat, V3, out=V3)(rotate_inverse)
+about_x = lift(None, out=Quat)(euler.about_x)
+about_y = lift(None, out=Quat)(euler.about_y)
+about_z = lift(None, out=Quat)(euler.about_z)
+from_rpy = lift(None, None, None, out=Quat)(euler.from_rpy)
+from_zyz = lift(None, None, None, out=Quat)(euler.from_zyz)
+to_rpy = lift(Quat, out=(None, None, None))(euler.to_rpy)
+to_zyz = lift(Quat, out=(None, None, None))(euler.to_zyz)
+left_jacobian = lift(V3, out=tuple)(so3.left_jacobian)
+left_jacobian_inv = lift(V3, out=tuple)(so3.left_jacobian_inv)
+
+
+@lift(V3, out=tuple)
+def right_jacobian(v: V3) -> tuple[Entry, ...]:
+    """Return J_r(v) = J_l(-v)."""
+    return so3.left_jacobian(-v)
+
+
+@lift(V3, out=tuple)
+def right_jacobian_inv(v: V3) -> tuple[Entry, ...]:
+    """Return the inverse of J_r(v)."""
+    return so3.left_jacobian_inv(-v)
+
+
+@lift(Quat, out=Quat)
+def normalized_xyzw(xyzw: Quat) -> Quat:
+    """Return the unit quaternion of one given scalar last."""
+    x, y, z, w = xyzw
+    return so3.normalized(Quat(w, x, y, z))
+
+
+@lift(Quat, out=tuple)
+def to_xyzw(q: Quat) -> tuple[Entry, ...]:
+    """Return the quaternion scalar last."""
+    return q.x, q.y, q.z, q.w
+
+
+@lift(V3, V3, V3, out=Quat)
+def from_rows(x: V3, y: V3, z: V3) -> Quat:
+    """Return the quaternion of a matrix given by its rows."""
+    return so3.from_matrix((*x, *y, *z))
+
+
+@lift(V3, V3, V3, out=Quat)
+def from_columns(x: V3, y: V3, z: V3) -> Quat:
+    """Return the quaternion of a matrix given by its columns."""
+    return so3.from_matrix((x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z))
+
+
+@lift(V3, None, out=Quat)
+def from_unit_axis_angle(axis: V3, turn: Entry) -> Quat:
+    """Return (cos(a/2), axis sin(a/2))."""
+    s, c = sin_cos(turn * 0.5)
+    return quat_from(c, axis * s)
+
+
+@lift(V3, None, out=Quat)
+def from_axis_angle(axis: V3, turn: Entry) -> Quat:
+    """Return the rotation about an axis of any length; a zero axis turns nothing."""
+    nothing = (axis.x == 0) & (axis.y == 0) & (axis.z == 0)
+    unit, _ = smooth.normalize((jnp.where(nothing, 1.0, axis.x), axis.y, axis.z))
+    s, c = sin_cos(jnp.where(nothing, 0.0, turn) * 0.5)
+    return quat_from(c, V3(*unit) * s)
+
+
+@lift(Quat, out=(None, V3))
+def to_axis_angle(q: Quat) -> tuple[Entry, V3]:
+    """Return the angle in [0, pi] and the unit axis; z for the identity."""
+    q = so3.upper(q)
+    nothing = (q.x == 0) & (q.y == 0) & (q.z == 0)
+    axis, _ = smooth.normalize(tuple(jnp.where(nothing, c, component) for c, component in zip((0.0, 0.0, 1.0), q.vector, strict=True)))
+    return so3.angle(q), V3(*axis)
+
+
+@lift(Quat, Quat, out=None)
+def distance(a: Quat, b: Quat) -> Entry:
+    """Return the angle between two rotations."""
+    return so3.angle(quat_mul(quat_conj(a), b))
+
+
+@lift(V3, V3, out=Quat)
+def between(start: V3, end: V3) -> Quat:
+    """Return the smallest rotation from one direction to another: (1 + a . b, a x b), normalised.
+
+    Both are written with h = a + b, as h . h / 2 and a x h: near half a turn they would be differences, and h is exact there.
+    """
+    a, b = (V3(*smooth.normalize(tuple(v))[0]) for v in (start, end))
+    h = a + b
+    slack = 4 * smooth.rounding(a.x)
+    opposite = (jnp.abs(h.x) <= slack) & (jnp.abs(h.y) <= slack) & (jnp.abs(h.z) <= slack)
+    w = jnp.where(opposite, 0.0, 0.5 * dot(h, h))
+    h = V3(*(jnp.where(opposite, p, c) for p, c in zip(_perpendicular(a), h, strict=True)))
+    return so3.normalized(quat_from(w, cross(a, h)))
+
+
+def _perpendicular(a: V3) -> V3:
+    """Return a vector perpendicular to a: its product with the coordinate axis farthest from it."""
+    x, y, z = (jnp.abs(c) for c in a)
+    by_x, by_y = (x <= y) & (x <= z), y <= z
+    zero = jnp.zeros_like(x)
+
+    def pick(p: Entry, q: Entry, r: Entry) -> Entry:
+        return jnp.where(by_x, p, jnp.where(by_y, q, r))
+
+    return V3(pick(zero, -a.z, a.y), pick(a.z, zero, -a.x), pick(-a.y, a.x, zero))
+
+
+def _column(m: tuple[Entry, ...], k: int) -> V3:
+    return V3(m[k], m[3 + k], m[6 + k])
+
+
+@lift(Quat, out=V3)
+def unit_x(q: Quat) -> V3:
+    """Return the first column."""
+    return _column(so3.to_matrix(q), 0)
+
+
+@lift(Quat, out=V3)
+def unit_y(q: Quat) -> V3:
+    """Return the second column."""
+    return _column(so3.to_matrix(q), 1)
+
+
+@lift(Quat, out=V3)
+def unit_z(q: Quat) -> V3:
+    """Return the third column."""
+    return _column(so3.to_matrix(q), 2)

@@ -1,0 +1,121 @@
+"""Rotations as components: exponential, logarithm, Jacobians, and conversions from and to matrices."""
+
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+
+from jaxframes.numerics import smooth
+from jaxframes.numerics.components import V3, Quat, cross, dot, quat_conj, quat_from, quat_mul
+from jaxframes.numerics.smooth import Entry
+
+Nine = Sequence[Entry]
+"""The nine entries of a matrix, row by row."""
+
+
+def normalized(q: Quat) -> Quat:
+    """Return q over its norm (safe from overflow); a zero quaternion gives NaN."""
+    return Quat(*smooth.normalize(tuple(q))[0])
+
+
+def exp(v: V3) -> Quat:
+    """Return the quaternion of a rotation vector: (cos(a/2), v sin(a/2)/a)."""
+    c, s = smooth.cos_sinc(dot(v, v) * 0.25)
+    return quat_from(c, v * (s * 0.5))
+
+
+def log(q: Quat) -> V3:
+    """Return the rotation vector, of length at most pi to rounding; of q and -q the one that ``upper`` says is taken."""
+    q = upper(q)
+    u = q.vector
+    return u * (2.0 * smooth.arc(dot(u, u), q.w))
+
+
+def upper(q: Quat) -> Quat:
+    """Return q or -q: the one with w > 0, or, where w is zero to rounding, with the largest of x, y, z positive.
+
+    There, at half a turn, rounding alone would decide. Of components equal to rounding the last counts as the largest.
+    """
+    slack = 4.0 * smooth.rounding(q.w)
+    x, y, z = (jnp.abs(c) for c in q.vector)
+    largest = jnp.where(x > jnp.maximum(y, z) + slack, q.x, jnp.where(y > z + slack, q.y, q.z))
+    leading = jnp.where(jnp.abs(q.w) <= slack, largest, q.w)
+    sign = jnp.where(leading < 0, -1.0, 1.0)
+    return Quat(*(c * sign for c in q))
+
+
+def angle(q: Quat) -> Entry:
+    """Return the angle of rotation in [0, pi]."""
+    return 2.0 * smooth.atan2(smooth.norm(tuple(q.vector)), jnp.abs(q.w))
+
+
+def to_matrix(q: Quat) -> tuple[Entry, ...]:
+    """Return the nine entries of the rotation matrix of a unit quaternion."""
+    w, x, y, z = q
+    x2, y2, z2 = 2.0 * x, 2.0 * y, 2.0 * z
+    xx, yy, zz, xy, xz, yz = x * x2, y * y2, z * z2, x * y2, x * z2, y * z2
+    wx, wy, wz = w * x2, w * y2, w * z2
+    return (1.0 - (yy + zz), xy - wz, xz + wy, xy + wz, 1.0 - (xx + zz), yz - wx, xz - wy, yz + wx, 1.0 - (xx + yy))
+
+
+def from_matrix(m: Nine) -> Quat:
+    """Return the unit quaternion of a rotation matrix (Shepperd 1978, with one square root for all four cases).
+
+    With the largest of w, x, y, z (w whenever the trace is positive) called c, the four products 4 c (w, x, y, z) are sums of
+    entries; normalising them gives the quaternion. w > 0 in the first case, the largest of x, y, z is positive in the others.
+    """
+    a, b, c, d, e, f, g, h, i = m
+    by_w, by_x, by_y = a + e + i > 0, (a > e) & (a > i), e > i
+
+    def pick(w: Entry, x: Entry, y: Entry, z: Entry) -> Entry:
+        return jnp.where(by_w, w, jnp.where(by_x, x, jnp.where(by_y, y, z)))
+
+    p, q, r = h - f, c - g, d - b
+    u, v, s = h + f, c + g, d + b
+    w = pick(1.0 + (a + e + i), p, q, r)
+    x = pick(p, 1.0 + a - (e + i), s, v)
+    y = pick(q, s, 1.0 + e - (a + i), u)
+    z = pick(r, v, u, 1.0 + i - (a + e))
+    return Quat(*smooth.normalize((w, x, y, z))[0])
+
+
+def skew(v: V3) -> tuple[Entry, ...]:
+    """Return the nine entries of the matrix of v x."""
+    zero = jnp.zeros_like(v.x)
+    return (zero, -v.z, v.y, v.z, zero, -v.x, -v.y, v.x, zero)
+
+
+def _polynomial(v: V3, first: Entry, second: Entry) -> tuple[Entry, ...]:
+    """Return the nine entries of I + first [v]x + second [v]x^2."""
+    a, b = v * first, v * second
+    xx, yy, zz, xy, xz, yz = v.x * b.x, v.y * b.y, v.z * b.z, v.x * b.y, v.x * b.z, v.y * b.z
+    diagonal = (1.0 - (yy + zz), 1.0 - (xx + zz), 1.0 - (xx + yy))
+    return (diagonal[0], xy - a.z, xz + a.y, xy + a.z, diagonal[1], yz - a.x, xz - a.y, yz + a.x, diagonal[2])
+
+
+def left_jacobian(v: V3) -> tuple[Entry, ...]:
+    """Return J_l of a rotation vector: d exp(v) = [J_l dv]x exp(v)."""
+    square = dot(v, v)
+    return _polynomial(v, smooth.versine(square), smooth.cubic_remainder(square))
+
+
+def left_jacobian_inv(v: V3) -> tuple[Entry, ...]:
+    """Return the inverse of J_l; pole at |v| = 2 pi."""
+    return _polynomial(v, -0.5, smooth.half_cotangent_remainder(dot(v, v)))
+
+
+def apply_left_jacobian(v: V3, u: V3) -> V3:
+    """Return J_l(v) u."""
+    square = dot(v, v)
+    once = cross(v, u)
+    return u + once * smooth.versine(square) + cross(v, once) * smooth.cubic_remainder(square)
+
+
+def apply_left_jacobian_inv(v: V3, u: V3) -> V3:
+    """Return J_l(v)^-1 u."""
+    once = cross(v, u)
+    return u - once * 0.5 + cross(v, once) * smooth.half_cotangent_remainder(dot(v, v))
+
+
+def slerp(a: Quat, b: Quat, t: Entry) -> Quat:
+    """Return the rotation at fraction t of the shortest way from a to b, at constant rate."""
+    return quat_mul(a, exp(log(quat_mul(quat_conj(a), b)) * t))

@@ -1,0 +1,115 @@
+"""Conversions to and from other libraries against what those libraries compute themselves; none is imported before it is used."""
+
+import subprocess
+import sys
+
+import jax
+import numpy as np
+import pytest
+
+from jaxframes import spatial as s
+from jaxframes.errors import ShapeError
+from jaxframes.io import interop
+from jaxframes.spatial import Rotation, SpatialVelocity, Transform, Twist, Wrench
+
+SHAPES = [(), (3,)]
+
+
+@pytest.fixture(params=SHAPES, ids=str)
+def pose(request):
+    return Transform.random(jax.random.key(7), request.param)
+
+
+def test_numpy(pose, tol):
+    q = interop.rotation_to_numpy_wxyz(pose.rotation)
+    assert type(q) is np.ndarray
+    assert np.array_equal(interop.rotation_to_numpy_xyzw(pose.rotation), np.roll(q, -1, -1))
+    assert s.allclose(interop.rotation_from_numpy_wxyz(q), pose.rotation, atol=tol)
+    assert s.allclose(interop.rotation_from_numpy_xyzw(np.roll(q, -1, -1)), pose.rotation, atol=tol)
+    matrix = interop.transform_to_numpy_matrix(pose)
+    assert type(matrix) is np.ndarray
+    assert s.allclose(interop.transform_from_numpy_matrix(matrix), pose, rtol=tol, atol=tol)
+
+
+def test_scipy(pose, tol):
+    theirs = interop.rotation_to_scipy_xyzw(pose.rotation)
+    assert np.abs(theirs.as_matrix() - pose.rotation.to_matrix()).max() < tol
+    assert np.abs(theirs.apply([1.0, 2.0, 3.0]) - np.asarray(pose.rotation @ np.array([1.0, 2.0, 3.0]))).max() < 10 * tol
+    assert s.allclose(interop.rotation_from_scipy_xyzw(theirs), pose.rotation, atol=tol)
+    rigid = interop.transform_to_scipy_xyzw(pose)
+    assert np.abs(rigid.as_matrix() - pose.to_matrix()).max() < tol
+    assert s.allclose(interop.transform_from_scipy_xyzw(rigid), pose, rtol=tol, atol=tol)
+    twist = pose.log()
+    assert np.abs(rigid.as_exp_coords() - twist.as_vector()).max() < 100 * tol
+
+
+def test_jaxlie(pose, tol):
+    theirs = interop.rotation_to_jaxlie_wxyz(pose.rotation)
+    assert np.abs(theirs.as_matrix() - pose.rotation.to_matrix()).max() < tol
+    assert s.allclose(interop.rotation_from_jaxlie_wxyz(theirs), pose.rotation, atol=tol)
+    rigid = interop.transform_to_jaxlie_wxyz_xyz(pose)
+    assert np.abs(rigid.as_matrix() - pose.to_matrix()).max() < tol
+    assert s.allclose(interop.transform_from_jaxlie_wxyz_xyz(rigid), pose, rtol=tol, atol=tol)
+    moved = jax.jit(lambda p: interop.transform_from_jaxlie_wxyz_xyz(interop.transform_to_jaxlie_wxyz_xyz(p)))(pose)
+    assert s.allclose(moved, pose, rtol=tol, atol=tol)
+
+
+def test_ros_messages(tol):
+    pose = Transform(Rotation.rot_z(np.pi / 2), np.array([1.0, 2.0, 3.0]))
+    message = interop.transform_to_tf2_xyzw(pose)
+    assert message["translation"] == {"x": 1.0, "y": 2.0, "z": 3.0}
+    half = float(np.sqrt(0.5))
+    assert message["rotation"] == pytest.approx({"x": 0.0, "y": 0.0, "z": half, "w": half}, abs=tol)
+    assert s.allclose(interop.transform_from_tf2_xyzw(message), pose, rtol=tol, atol=tol)
+
+    class Fields:
+        def __init__(self, **named):
+            self.__dict__.update(named)
+
+    as_object = Fields(translation=Fields(**message["translation"]), rotation=Fields(**message["rotation"]))
+    assert s.allclose(interop.transform_from_tf2_xyzw(as_object), pose, rtol=tol, atol=tol)
+    twist, wrench = Twist(np.array([1.0, 2, 3]), np.array([4.0, 5, 6])), Wrench(np.array([1.0, 2, 3]), np.array([4.0, 5, 6]))
+    assert interop.twist_to_tf2(twist) == {"linear": {"x": 1, "y": 2, "z": 3}, "angular": {"x": 4, "y": 5, "z": 6}}
+    assert interop.wrench_to_tf2(wrench) == {"force": {"x": 1, "y": 2, "z": 3}, "torque": {"x": 4, "y": 5, "z": 6}}
+    assert s.allclose(interop.twist_from_tf2(interop.twist_to_tf2(twist)), twist)
+    assert s.allclose(interop.wrench_from_tf2(interop.wrench_to_tf2(wrench)), wrench)
+    with pytest.raises(ShapeError, match="one value"):
+        interop.transform_to_tf2_xyzw(Transform.identity((2,)))
+
+
+def test_mujoco(pose, tol):
+    pos, quat = interop.transform_to_mujoco_wxyz(pose)
+    assert pos.shape == (*pose.shape, 3)
+    assert np.array_equal(quat, pose.rotation.wxyz)
+    assert s.allclose(interop.transform_from_mujoco_wxyz(pos, quat), pose, rtol=tol, atol=tol)
+    qpos = interop.transform_to_mujoco_free_joint_wxyz(pose)
+    assert qpos.shape == (*pose.shape, 7)
+    assert s.allclose(interop.transform_from_mujoco_free_joint_wxyz(qpos), pose, rtol=tol, atol=tol)
+
+
+def test_spice(tol):
+    """Against rav2xf, xf2rav and the text of pxform: matrices map a-coordinates to b-coordinates, rates are along a's axes."""
+    spiceypy = pytest.importorskip("spiceypy")
+    a_R_b, w = Rotation.from_rpy(0.4, -0.3, 2.0), np.array([0.1, -0.2, 0.3])
+    velocity = SpatialVelocity(np.asarray(w, a_R_b.dtype), np.zeros(3, a_R_b.dtype))
+    matrix, rate = interop.rotation_and_velocity_to_spice_rav(a_R_b, velocity)
+    theirs = spiceypy.rav2xf(np.array(matrix, float), np.array(rate, float))
+    ours = interop.rotation_and_velocity_to_spice_sxform(a_R_b, velocity)
+    assert np.abs(ours - theirs).max() < tol
+    for back, speed in (
+        interop.rotation_and_velocity_from_spice_sxform(theirs),
+        interop.rotation_and_velocity_from_spice_rav(*spiceypy.xf2rav(theirs)),
+    ):
+        assert s.allclose(back, a_R_b, atol=tol)
+        assert np.abs(speed.angular - w).max() < tol
+    axes = spiceypy.pxform("J2000", "ECLIPJ2000", 0.0)  # built in: no kernel
+    to_R_from = interop.rotation_from_spice_pxform(axes)
+    assert np.abs(to_R_from @ np.array([1.0, 2.0, 3.0]) - spiceypy.mxv(axes, [1.0, 2.0, 3.0])).max() < 10 * tol
+    assert np.abs(interop.rotation_to_spice_pxform(to_R_from) - axes).max() < tol
+    batch = interop.rotation_and_velocity_from_spice_sxform(np.stack([theirs, np.eye(6)]))
+    assert batch[0].shape == (2,)
+
+
+def test_nothing_is_imported_before_use():
+    code = "import sys, jaxframes.io.interop; sys.exit(any(m in sys.modules for m in ('scipy.spatial', 'jaxlie', 'mujoco')))"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

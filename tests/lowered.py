@@ -1,0 +1,22 @@
+"""What the compiler is handed: checks on lowered programs that any part of the package can use."""
+
+import re
+
+import jax
+
+DOT = re.compile(r"stablehlo\.(dot_general|dot|convolution)\b[^\n]*")
+
+
+def products(function, *arguments):
+    """Return the text of every matrix product in the lowered program of a function."""
+    text = jax.jit(function).trace(*arguments).lower(lowering_platforms=("cpu", "cuda")).as_text()
+    return [match.group(0) for match in DOT.finditer(text)]
+
+
+def assert_highest_precision(function, *arguments):
+    """Assert that no matrix product of a function's program runs in a precision below HIGHEST, on any platform.
+
+    On recent GPUs the default precision of a float32 product is 10 bits of mantissa.
+    """
+    for line in products(function, *arguments):
+        assert re.search(r"precision = \[HIGHEST, HIGHEST\]", line), line
