@@ -1,12 +1,13 @@
 """An edge whose parent is data: the state says what the frame hangs on, and where."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import ClassVar
 
 from jaxframes.errors import EdgeError
 from jaxframes.numerics.steps import Step
 from jaxframes.spatial import Transform
 from jaxframes.tree.edges.base import Edge, Inputs, family
+from jaxframes.tree.edges.rigid import checked_pose
 
 
 @family(static=("candidates",))
@@ -30,8 +31,16 @@ class Attachable(Edge):
     def __init__(self, pose: Transform | None = None, candidates: Sequence[str] | None = None):
         if isinstance(candidates, str) or (candidates is not None and not all(isinstance(c, str) for c in candidates)):
             raise EdgeError(f"Attachable(candidates=...) takes a sequence of frame names, found {candidates!r}")
-        object.__setattr__(self, "pose", Transform.identity() if pose is None else pose)
+        object.__setattr__(self, "pose", checked_pose(pose, "Attachable"))
         object.__setattr__(self, "candidates", None if candidates is None else tuple(candidates))
+
+    @property
+    def dof(self) -> int:
+        return 6
+
+    @property
+    def state_size(self) -> int:
+        return 7
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         raise AssertionError("the motion of an attachable edge is held by the state")
@@ -40,6 +49,9 @@ class Attachable(Edge):
         if self.candidates is None:
             return self
         return self.replace(candidates=tuple(prefix + name for name in self.candidates))
+
+    def renamed(self, rename: Callable[[str], str]) -> "Attachable":
+        return self if self.candidates is None else self.replace(candidates=tuple(map(rename, self.candidates)))
 
     def describe(self) -> str:
         return "attachable" if self.candidates is None else f"attachable to {', '.join(self.candidates)}"

@@ -47,10 +47,12 @@ class Edge:
         needs_time: Whether the edge reads the epoch of the state.
         is_prescribed: Whether the state holds a motion for the edge.
         is_attachable: Whether the state says what the child hangs on.
+        curved: Whether ``integrate``, ``difference``, ``random`` or ``project`` is more than plain arithmetic on coordinates.
     """
 
     nq: ClassVar[int] = 0
     nv: ClassVar[int] = 0
+    curved: ClassVar[bool] = False
     stacks: ClassVar[bool] = True
     needs_time: ClassVar[bool] = False
     is_prescribed: ClassVar[bool] = False
@@ -60,6 +62,21 @@ class Edge:
     def supports_accelerations(self) -> bool:
         """Whether the edge can say its acceleration."""
         return True
+
+    @property
+    def dof(self) -> int:
+        """Mobility: in how many independent directions the child can move against its parent."""
+        return self.nv
+
+    @property
+    def state_size(self) -> int:
+        """How many numbers of a state say where the child is: coordinates, or the seven of a stored pose."""
+        return self.nq
+
+    @property
+    def follows(self) -> str | None:
+        """Name of the joint whose coordinates the edge takes instead of its own, if it does."""
+        return None
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         """Return the elementary motions from parent to child, as components.
@@ -82,13 +99,41 @@ class Edge:
         """Return the time derivatives of the coordinates from the rates; the rates themselves unless a family says otherwise."""
         return qd
 
+    def astype(self, dtype: Any) -> Self:
+        """Return a copy with its float numbers converted; a family that keeps numbers in two parts converts them together."""
+        return jax.tree.map(lambda leaf: leaf.astype(dtype) if jnp.issubdtype(leaf.dtype, jnp.floating) else leaf, self)
+
     def prefixed(self, prefix: str) -> "Edge":
         """Return the edge for a tree whose frame names got a prefix; only an edge that names frames changes."""
+        return self
+
+    def renamed(self, rename: Callable[[str], str]) -> "Edge":
+        """Return the edge with the names of frames and joints that it holds changed by a function; most hold none."""
         return self
 
     def limits_of(self) -> tuple[Any, Any] | None:
         """Return the lower and upper bounds of the coordinates, [..., nq] each, or None where there are none."""
         return None
+
+    def angles(self) -> tuple[bool, ...]:
+        """Return, for each coordinate, whether it is an angle in radians (else a length in metres)."""
+        return (True,) * self.nq
+
+    def integrate(self, q: jax.Array, step: jax.Array) -> jax.Array:
+        """Return the coordinates [..., nq] that a constant rate leads to, from q; ``step`` [..., nv] is the rate times the time."""
+        return q + step
+
+    def difference(self, q0: jax.Array, q1: jax.Array) -> jax.Array:
+        """Return the step [..., nv] that ``integrate`` takes from q0 to q1."""
+        return q1 - q0
+
+    def project(self, q: jax.Array) -> jax.Array:
+        """Return the coordinates [..., nq] in the form they should have, such as unit quaternions."""
+        return q
+
+    def random(self, key: jax.Array, q: jax.Array) -> jax.Array:
+        """Return random coordinates; ``q`` [..., nq] holds numbers drawn uniformly within limits, to be taken or replaced."""
+        return q
 
     def quaternions(self) -> tuple[Any, ...]:
         """Return the unit quaternions [..., 4] among the parameters (for checks)."""

@@ -1,86 +1,22 @@
-"""Joints of one coordinate: an axis, a placement before it, and limits."""
+"""Joints along or about one axis: revolute, continuous, prismatic, screw, cylindrical."""
 
 from typing import Any, ClassVar
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.errors import EdgeError
-from jaxframes.numerics.boundary import as_float, is_concrete, parameters
-from jaxframes.numerics.components import V3
-from jaxframes.numerics.steps import Coordinate, Slide, Step, Turn
+from jaxframes.numerics.boundary import parameters
+from jaxframes.numerics.components import mul
+from jaxframes.numerics.steps import Slide, Step, Turn
 from jaxframes.spatial import Transform
-from jaxframes.tree.edges.base import Edge, Inputs, family
-from jaxframes.tree.edges.rigid import placement_components
+from jaxframes.tree.edges.base import Inputs, family
+from jaxframes.tree.edges.shared import AxisJoint, coordinate, one_number
+
+TURN = 2.0 * np.pi
 
 
-def unit_axis(axis: Any) -> jax.Array:
-    """Return an axis [..., 3] at unit length.
-
-    Raises:
-        EdgeError: The axis is not three finite numbers, or is zero.
-    """
-    if isinstance(axis, jax.Array) and not is_concrete(axis):
-        return axis
-    try:
-        numbers = np.asarray(axis, np.float64)
-    except (TypeError, ValueError):
-        raise EdgeError(f"a joint axis needs three numbers, found {axis!r}") from None
-    if numbers.shape[-1:] != (3,):
-        raise EdgeError(f"a joint axis needs three numbers, found shape {numbers.shape}: {axis!r}")
-    length = np.linalg.norm(numbers, axis=-1, keepdims=True)
-    if not np.all(np.isfinite(numbers)) or np.any(length < 1e-12):
-        raise EdgeError(f"a joint axis must be finite and not zero, found {numbers.tolist()}; give a direction such as (0, 0, 1)")
-    return as_float(numbers / length)
-
-
-def as_bounds(limits: Any) -> jax.Array:
-    """Return limits (lower, upper) as [..., 2]; None means unlimited.
-
-    Raises:
-        EdgeError: The limits are reversed or not two numbers.
-    """
-    if isinstance(limits, jax.Array) and not is_concrete(limits):
-        return limits
-    bounds = np.asarray((-np.inf, np.inf) if limits is None else limits, np.float64)
-    if bounds.shape[-1:] != (2,) or np.any(np.isnan(bounds)):
-        raise EdgeError(f"joint limits are (lower, upper), found {limits!r}")
-    if np.any(bounds[..., 0] > bounds[..., 1]):
-        raise EdgeError(f"joint limits are reversed: lower {bounds[..., 0]} is above upper {bounds[..., 1]}; swap them")
-    return as_float(bounds)
-
-
-class AxisJoint(Edge):
-    """What revolute and prismatic joints share: axis, placement, limits."""
-
-    nq: ClassVar[int] = 1
-    nv: ClassVar[int] = 1
-    axis: jax.Array
-    placement: Transform
-    limits: jax.Array
-
-    def __init__(self, axis: Any = (0.0, 0.0, 1.0), placement: Transform | None = None, limits: Any = None):
-        object.__setattr__(self, "axis", unit_axis(axis))
-        object.__setattr__(self, "placement", Transform.identity() if placement is None else placement)
-        object.__setattr__(self, "limits", as_bounds(limits))
-
-    def describe(self) -> str:
-        """Return the kind and the axis."""
-        if not isinstance(self.axis, (jax.Array, np.ndarray)) or not is_concrete(self.axis) or np.ndim(self.axis) != 1:
-            return type(self).__name__.lower()
-        word = "about" if isinstance(self, Revolute) else "along"
-        return f"{type(self).__name__.lower()} {word}" + " ({:.3g}, {:.3g}, {:.3g})".format(*np.asarray(self.axis, float))
-
-    def limits_of(self) -> tuple[Any, Any] | None:
-        """Return the lower and upper bounds [..., 1]."""
-        return self.limits[..., :1], self.limits[..., 1:]
-
-    def _parts(self, inputs: Inputs) -> dict[str, Any]:
-        rotation, translation = placement_components(self.placement, inputs.batch_rank)
-        return {"axis": V3(*parameters(self.axis, inputs.batch_rank)), "rotation": rotation, "translation": translation}
-
-
-@family()
+@family(static=("active",))
 class Revolute(AxisJoint):
     """A rotation about an axis by q radians, after a fixed placement: ``parent_T_child = placement @ Rot(axis, q)``.
 
@@ -88,19 +24,67 @@ class Revolute(AxisJoint):
         axis: Unit axis [3] in the axes of the placement; normalised when the edge is made, zero is refused.
         placement: Pose of the joint in the parent at q = 0.
         limits: (lower, upper) in rad [2]; infinite where unlimited. Kept for checks, never enforced by a query.
+        velocity_limits: Largest rate [1] in rad/s, infinite where unlimited. Kept, not enforced.
+        effort_limits: Largest torque [1] in N m, infinite where unlimited. Kept, not enforced.
+        active: Whether the joint is driven (static). Kept, no query reads it.
     """
 
     axis: jax.Array
     placement: Transform
     limits: jax.Array
+    velocity_limits: jax.Array
+    effort_limits: jax.Array
+    active: bool
 
     __init__ = AxisJoint.__init__
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        return (Turn(angle=Coordinate(inputs.q[0], inputs.qd[0], inputs.qdd[0]), **self._parts(inputs)),)
+        return (Turn(angle=coordinate(inputs, 0), **self._parts(inputs)),)
 
 
-@family()
+@family(static=("active",))
+class Continuous(AxisJoint):
+    """A rotation about an axis without end: as ``Revolute``, but q and q + 2 pi are the same place.
+
+    ``q`` stays a plain angle that may count turns; ``tree.difference`` takes the shorter way round, in [-pi, pi].
+
+    Attributes:
+        axis: Unit axis [3] in the axes of the placement.
+        placement: Pose of the joint in the parent at q = 0.
+        limits: Infinite [2].
+        velocity_limits: Largest rate [1] in rad/s.
+        effort_limits: Largest torque [1] in N m.
+        active: Whether the joint is driven (static).
+    """
+
+    axis: jax.Array
+    placement: Transform
+    limits: jax.Array
+    velocity_limits: jax.Array
+    effort_limits: jax.Array
+    active: bool
+    curved: ClassVar[bool] = True
+
+    def __init__(
+        self,
+        axis: Any = (0.0, 0.0, 1.0),
+        placement: Transform | None = None,
+        velocity_limits: Any = None,
+        effort_limits: Any = None,
+        active: bool = True,
+    ):
+        super().__init__(axis, placement, None, velocity_limits, effort_limits, active)
+
+    def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
+        return (Turn(angle=coordinate(inputs, 0), **self._parts(inputs)),)
+
+    def difference(self, q0: jax.Array, q1: jax.Array) -> jax.Array:
+        """Return q1 - q0 less whole turns."""
+        step = q1 - q0
+        return step - jax.lax.stop_gradient(TURN * jnp.round(step / TURN))
+
+
+@family(static=("active",))
 class Prismatic(AxisJoint):
     """A translation along an axis by q metres, after a fixed placement: ``parent_T_child = placement @ Trans(axis q)``.
 
@@ -108,13 +92,100 @@ class Prismatic(AxisJoint):
         axis: Unit axis [3] in the axes of the placement; normalised when the edge is made, zero is refused.
         placement: Pose of the joint in the parent at q = 0.
         limits: (lower, upper) in m [2]; infinite where unlimited. Kept for checks, never enforced by a query.
+        velocity_limits: Largest rate [1] in m/s, infinite where unlimited. Kept, not enforced.
+        effort_limits: Largest force [1] in N, infinite where unlimited. Kept, not enforced.
+        active: Whether the joint is driven (static). Kept, no query reads it.
     """
 
     axis: jax.Array
     placement: Transform
     limits: jax.Array
+    velocity_limits: jax.Array
+    effort_limits: jax.Array
+    active: bool
 
     __init__ = AxisJoint.__init__
 
+    def angles(self) -> tuple[bool, ...]:
+        return (False,)
+
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        return (Slide(length=Coordinate(inputs.q[0], inputs.qd[0], inputs.qdd[0]), **self._parts(inputs)),)
+        return (Slide(length=coordinate(inputs, 0), **self._parts(inputs)),)
+
+
+@family(static=("active",))
+class Screw(AxisJoint):
+    """A screw: a rotation by q radians about an axis that also shifts along it by ``pitch`` metres a turn.
+
+    ``parent_T_child = placement @ Trans(axis pitch q / (2 pi)) @ Rot(axis, q)``. The pitch is per turn, as in Drake and
+    SDFormat; where a library counts it per radian (Pinocchio's helical joint, h), ``pitch = 2 pi h``. Positive is right-handed.
+
+    Attributes:
+        axis: Unit axis [3] in the axes of the placement.
+        pitch: Metres for each turn [1].
+        placement: Pose of the joint in the parent at q = 0.
+        limits: (lower, upper) in rad [2].
+        velocity_limits: Largest rate [1] in rad/s.
+        effort_limits: Largest torque [1] in N m.
+        active: Whether the joint is driven (static).
+    """
+
+    axis: jax.Array
+    pitch: jax.Array
+    placement: Transform
+    limits: jax.Array
+    velocity_limits: jax.Array
+    effort_limits: jax.Array
+    active: bool
+
+    def __init__(
+        self,
+        axis: Any = (0.0, 0.0, 1.0),
+        pitch: Any = 0.0,
+        placement: Transform | None = None,
+        limits: Any = None,
+        velocity_limits: Any = None,
+        effort_limits: Any = None,
+        active: bool = True,
+    ):
+        super().__init__(axis, placement, limits, velocity_limits, effort_limits, active)
+        object.__setattr__(self, "pitch", one_number(pitch, "the pitch of a screw"))
+
+    def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
+        parts = self._parts(inputs)
+        per_radian = mul(parameters(self.pitch, inputs.batch_rank)[0], 1.0 / TURN)
+        return Slide(length=coordinate(inputs, 0, per_radian), **parts), Turn(axis=parts["axis"], angle=coordinate(inputs, 0))
+
+
+@family(static=("active",))
+class Cylindrical(AxisJoint):
+    """A rotation about an axis by q0 radians and a translation along it by q1 metres, independent of each other.
+
+    ``parent_T_child = placement @ Rot(axis, q0) @ Trans(axis q1)``; both commute.
+
+    Attributes:
+        axis: Unit axis [3] in the axes of the placement.
+        placement: Pose of the joint in the parent at q = 0.
+        limits: Lower bounds of angle (rad) and length (m), then upper ones [4].
+        velocity_limits: Largest rates [2] in rad/s and m/s.
+        effort_limits: Largest torque and force [2].
+        active: Whether the joint is driven (static).
+    """
+
+    nq: ClassVar[int] = 2
+    nv: ClassVar[int] = 2
+    axis: jax.Array
+    placement: Transform
+    limits: jax.Array
+    velocity_limits: jax.Array
+    effort_limits: jax.Array
+    active: bool
+
+    __init__ = AxisJoint.__init__
+
+    def angles(self) -> tuple[bool, ...]:
+        return (True, False)
+
+    def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
+        parts = self._parts(inputs)
+        return Turn(angle=coordinate(inputs, 0), **parts), Slide(axis=parts["axis"], length=coordinate(inputs, 1))

@@ -1,6 +1,6 @@
 """Edges without coordinates: fixed mounts, and motions prescribed by the state."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from jaxframes.errors import EdgeError
 from jaxframes.numerics.boundary import parameters
@@ -9,6 +9,15 @@ from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
 from jaxframes.spatial import Transform
 from jaxframes.tree.edges.base import Edge, Inputs, family
+
+
+def checked_pose(pose: Any, family_name: str) -> Transform:
+    """Return a pose given to an edge; the identity for None (EdgeError for anything that is no ``Transform``)."""
+    if pose is None:
+        return Transform.identity()
+    if not isinstance(pose, Transform):
+        raise EdgeError(f"{family_name} takes a jf.Transform, found {type(pose).__name__}; Transform.from_matrix reads a 4x4 matrix")
+    return pose
 
 
 def placement_components(transform: Transform, batch_rank: int) -> tuple[Quat, V3]:
@@ -31,7 +40,7 @@ class Fixed(Edge):
     transform: Transform
 
     def __init__(self, transform: Transform | None = None):
-        object.__setattr__(self, "transform", Transform.identity() if transform is None else transform)
+        object.__setattr__(self, "transform", checked_pose(transform, "Fixed"))
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         rotation, translation = placement_components(self.transform, inputs.batch_rank)
@@ -56,6 +65,14 @@ class Prescribed(Edge):
         if not isinstance(supports_accelerations, bool):
             raise EdgeError(f"Prescribed(supports_accelerations=...) takes True or False, not {supports_accelerations!r}")
         object.__setattr__(self, "accelerations", supports_accelerations)
+
+    @property
+    def dof(self) -> int:
+        return 6
+
+    @property
+    def state_size(self) -> int:
+        return 7
 
     @property
     def supports_accelerations(self) -> bool:
