@@ -1,19 +1,53 @@
 """Error-free sums: the arithmetic of numbers kept in two parts.
 
-XLA compiles these without reassociation, so they stay exact under jit on CPU (a test asserts it).
+XLA does not reassociate sums of variables, but jax 0.10 folds (x + C) - C for constants C. The barriers keep it from that; tests
+assert that the sums stay exact under jit with either operand constant.
 """
 
+from typing import Any
+
 import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+Array = Any
+"""A NumPy or a JAX array."""
 
 
+@jax.custom_jvp
 def two_sum(a: jax.Array, b: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Return (s, e) with s = fl(a + b) and s + e = a + b exactly (Knuth 1969)."""
-    s = a + b
-    bb = s - a
+    """Return (s, e) with s = fl(a + b) and s + e = a + b exactly (Knuth 1969); e counts as constant in derivatives."""
+    s = lax.optimization_barrier(a + b)
+    bb = lax.optimization_barrier(s - a)
     return s, (a - (s - bb)) + (b - bb)
 
 
+@two_sum.defjvp
+def _two_sum_jvp(primals: tuple[jax.Array, jax.Array], tangents: tuple[jax.Array, jax.Array]) -> Any:
+    total = tangents[0] + tangents[1]
+    return two_sum(*primals), (total, jnp.zeros_like(total))
+
+
+@jax.custom_jvp
 def fast_two_sum(a: jax.Array, b: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Return (s, e) as ``two_sum`` does, for |a| >= |b| (Dekker 1971)."""
-    s = a + b
-    return s, b - (s - a)
+    s = lax.optimization_barrier(a + b)
+    return s, b - lax.optimization_barrier(s - a)
+
+
+@fast_two_sum.defjvp
+def _fast_two_sum_jvp(primals: tuple[jax.Array, jax.Array], tangents: tuple[jax.Array, jax.Array]) -> Any:
+    total = tangents[0] + tangents[1]
+    return fast_two_sum(*primals), (total, jnp.zeros_like(total))
+
+
+def recast_pair(hi: Array, lo: Array, dtype: Any) -> tuple[Array, Array]:
+    """Return a number kept in two parts as two parts of another dtype; what the high part loses moves to the low part.
+
+    Takes NumPy arrays or JAX arrays and returns the same kind.
+    """
+    wide = np.promote_types(hi.dtype, dtype)
+    high, low = hi.astype(wide), lo.astype(wide)
+    first = (high + low).astype(dtype)
+    return first, ((high - first.astype(wide)) + low).astype(dtype)

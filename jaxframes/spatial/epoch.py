@@ -21,7 +21,7 @@ _CALENDAR = re.compile(r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d)(\.\
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Epoch:
     """An instant: ``hi + lo`` seconds past J2000 (2000-01-01T12:00:00) in barycentric dynamical time, TDB.
 
@@ -51,12 +51,9 @@ class Epoch:
             return seconds
         if isinstance(seconds, (int, Fraction)) and not isinstance(seconds, bool):
             return cls._from_exact(Fraction(seconds))
-        if isinstance(seconds, jax.Array):
-            hi = as_float(seconds)
-            return cls(hi, jnp.zeros_like(hi))
-        exact, dtype = np.asarray(seconds, np.float64), np.dtype(default_float())
-        hi = exact.astype(dtype)
-        return cls(jnp.asarray(hi), jnp.asarray((exact - hi.astype(np.float64)).astype(dtype)))
+        if seconds is None or isinstance(seconds, (str, bool)):
+            raise FrameError(f"an epoch is seconds past J2000 TDB, found {seconds!r}; for a date use Epoch.from_tdb or Epoch.from_utc")
+        return cls(*_two_parts(seconds, None))
 
     @classmethod
     def from_parts(cls, hi: Any, lo: Any) -> "Epoch":
@@ -95,30 +92,31 @@ class Epoch:
     @property
     def shape(self) -> tuple[int, ...]:
         """Batch shape."""
-        return jnp.shape(self.hi)
+        return jnp.broadcast_shapes(jnp.shape(self.hi), jnp.shape(self.lo))
 
     def __add__(self, seconds: Any) -> "Epoch":
         """Return the epoch a duration later; the rounding error of the high part moves to the low part."""
         if isinstance(seconds, Epoch):
             raise FrameError("two epochs cannot be added; add a duration in seconds, or subtract the epochs")
-        duration = jnp.asarray(seconds, self.hi.dtype)
-        hi, error = two_sum(*_same_rank(self.hi, duration))
-        lo = jnp.broadcast_to(self.lo, hi.shape) if jnp.ndim(self.lo) in (0, hi.ndim) else _same_rank(hi, self.lo)[1]
-        return Epoch(*fast_two_sum(hi, error + lo))
+        coarse, fine = _two_parts(seconds, self.hi.dtype)
+        hi, error = two_sum(*_same_rank(self.hi, coarse))
+        low, rest = _same_rank(*_same_rank(hi, self.lo)[1:], fine)
+        return Epoch(*fast_two_sum(hi, error + (low + rest)))
 
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> Any:
         """Return the duration since another epoch in seconds [...], or the epoch a duration earlier."""
         if not isinstance(other, Epoch):
-            return self + (-jnp.asarray(other, self.hi.dtype))
+            return self + (-other)
         a, b = _same_rank(self.hi, other.hi)
         c, d = _same_rank(self.lo, other.lo)
         s, e = two_sum(a, -b)
         return s + (e + (c - d))
 
     def __getitem__(self, index: Any) -> "Epoch":
-        return Epoch(self.hi[index], self.lo[index])
+        hi, lo = _same_rank(self.hi, self.lo)
+        return Epoch(hi[index], lo[index])
 
     def replace(self, **changes: Any) -> "Epoch":
         """Return a copy with the fields given replaced."""
@@ -134,6 +132,20 @@ class Epoch:
                 return f"Epoch({self.to_tdb(6)} TDB)"
             return f"Epoch(shape={np.shape(self.hi)})"
         return f"Epoch(hi={self.hi!r}, lo={self.lo!r})"
+
+
+def _two_parts(seconds: Any, dtype: Any) -> tuple[jax.Array, jax.Array]:
+    """Return a number of seconds in two parts; numbers of the host and integers are split, so that none of their digits is lost."""
+    if isinstance(seconds, jax.Array) and jnp.issubdtype(seconds.dtype, jnp.integer):
+        coarse = (seconds >> 12) << 12
+        parts = coarse, seconds - coarse
+        return tuple(part.astype(dtype or default_float()) for part in parts)  # pyright: ignore[reportReturnType]
+    if isinstance(seconds, jax.Array) and not (seconds.weak_type and is_concrete(seconds)):
+        hi = as_float(seconds) if dtype is None else as_float(seconds).astype(dtype)
+        return hi, jnp.zeros_like(hi)
+    exact, kind = np.asarray(seconds, np.float64), np.dtype(dtype or default_float())
+    hi = exact.astype(kind)
+    return jnp.asarray(hi), jnp.asarray((exact - hi.astype(np.float64)).astype(kind))
 
 
 def _same_rank(a: jax.Array, b: jax.Array) -> tuple[jax.Array, jax.Array]:

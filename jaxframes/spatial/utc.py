@@ -18,7 +18,7 @@ _LEAP_DAYS = (
 _TT_MINUS_TAI = Fraction(32184, 1000)
 _K, _EB, _M0, _M1 = 1.657e-3, 1.671e-2, 6.239996, 1.99096871e-7  # NAIF leap-seconds kernel: DELTET/K, EB, M
 _J2000 = datetime.date(2000, 1, 1)
-_UTC = re.compile(r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d)(\.\d+)?)?)?(?:\s*(?:Z|UTC))?")
+_UTC = re.compile(r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d)(\.\d+)?)?)?(?:\s*(?:Z|UTC|\+00:00))?")
 
 
 def utc_seconds(text: str) -> Fraction:

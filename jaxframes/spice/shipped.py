@@ -3,12 +3,12 @@
 from pathlib import Path
 
 from jaxframes.spice.store import load
-from jaxframes.tree.edges.base import Edge
+from jaxframes.spice.tables import OrientationTable, TranslationTable
 
 SHIPPED = Path(__file__).resolve().parent.parent / "data" / "tables_2026.npz"
 
 
-def example_tables() -> dict[str, Edge]:
+def example_tables() -> dict[str, TranslationTable | OrientationTable]:
     """Return tables of 2026 from DE440 and ITRF93, by name.
 
     ``sun``, ``mars`` (barycentre) and ``emb`` are relative to the Solar System barycentre, ``earth`` to ``emb`` and ``moon`` to

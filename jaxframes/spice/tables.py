@@ -1,7 +1,7 @@
 """Edges made of Chebyshev tables: where a body is, and how a frame is turned."""
 
 import functools
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import jax
 import jax.numpy as jnp
@@ -10,6 +10,7 @@ import numpy as np
 from jaxframes.errors import EdgeError, MissingInputError
 from jaxframes.numerics.boundary import assemble, default_float, parameters
 from jaxframes.numerics.components import V3, Component, Quat
+from jaxframes.numerics.eft import recast_pair
 from jaxframes.numerics.rigid import AT_REST, Rigid
 from jaxframes.numerics.steps import Coordinate, Step, Turn, append
 from jaxframes.spice import evaluate
@@ -37,6 +38,15 @@ class Table(Edge):
     span: jax.Array
     info: Info
 
+    def astype(self, dtype: Any) -> Self:
+        """Return a copy with numbers of another dtype; times, kept in two parts, lose no more than they must."""
+        plain = super().astype(dtype)
+        return plain.replace(
+            reference=_recast_pairs(self.reference, dtype),
+            span=_recast_pairs(self.span, dtype),
+            legs=tuple(_recast_leg(old, new, dtype) for old, new in zip(self.legs, plain.legs, strict=True)),
+        )
+
     @property
     def run(self) -> Run:
         """The arrays that an evaluation reads."""
@@ -55,6 +65,23 @@ class Table(Edge):
         if inputs.time is None:
             raise MissingInputError(f"{self.describe()} depends on time: give the state one, tree.state(time=...).")
         return _triples(evaluate.evaluate(self.run, *inputs.time, order))
+
+
+def _recast_pairs(values: Any, dtype: Any) -> Any:
+    """Return numbers [..., 2 n], two parts each, in another dtype."""
+    numpy = np if isinstance(values, np.ndarray) else jnp
+    hi, lo = recast_pair(values[..., 0::2], values[..., 1::2], dtype)
+    return numpy.stack([hi, lo], -1).reshape(values.shape)
+
+
+def _recast_leg(old: Leg, plain: Leg, dtype: Any) -> Leg:
+    """Return a leg whose times are converted as pairs; ``plain`` holds everything else converted."""
+    numpy: Any = np if isinstance(old.rows, np.ndarray) else jnp
+    middle = _recast_pairs(old.rows[..., -3:-1], dtype)
+    rows = numpy.concatenate([plain.rows[..., :-3], middle, plain.rows[..., -1:]], -1)
+    grid = numpy.concatenate([_recast_pairs(old.grid[..., :2], dtype), plain.grid[..., 2:]], -1)
+    ends = None if old.ends is None else _recast_pairs(old.ends, dtype)
+    return Leg(rows, grid, plain.first, ends, old.series, old.compares)
 
 
 @family(static=("info",))

@@ -1,0 +1,97 @@
+"""Epochs: nothing is lost in two parts, in both precisions; dates in TDB and UTC against CSPICE."""
+
+from fractions import Fraction
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import spiceypy
+
+import jaxframes as jf
+from jaxframes.spatial.utc import utc_seconds
+
+
+def exact(epoch):
+    return Fraction(float(epoch.hi)) + Fraction(float(epoch.lo))
+
+
+@pytest.mark.parametrize("seconds", [0.0, 31557601.0, 86400.123456, -100000001.5, 825638469.25])
+@pytest.mark.parametrize("start", ["2026-03-01", "1999-12-31T23:59:59.5", "2000-01-01T12:00:00"])
+def test_sums_keep_what_two_parts_can_hold(start, seconds, dtype):
+    epoch = jf.Epoch.from_tdb(start)
+    later = epoch + seconds
+    eps = Fraction(float(np.finfo(dtype).eps)) ** 2
+    wanted = exact(epoch) + Fraction(seconds)
+    assert abs(exact(later) - wanted) <= 4 * eps * max(abs(wanted), abs(exact(epoch)), abs(Fraction(seconds)), 1)
+    assert abs(exact(later - seconds) - exact(epoch)) <= 8 * eps * max(abs(wanted), abs(Fraction(seconds)), 1)
+    np.testing.assert_allclose(float(later - epoch), seconds, rtol=2 * np.finfo(dtype).eps)
+
+
+def test_dates_are_exact_and_read_back(dtype):
+    assert exact(jf.Epoch.from_tdb("2000-01-01T12:00:00")) == 0
+    assert exact(jf.Epoch.from_tdb("2026-01-01")) == 820497600
+    assert jf.Epoch.from_tdb("2026-03-01T12:34:56.125 TDB").to_tdb() == "2026-03-01T12:34:56.125"
+    assert jf.Epoch.from_tdb("1969-07-20").to_tdb(0) == "1969-07-20T00:00:00"
+    assert repr(jf.Epoch.from_et(5)) == "Epoch(2000-01-01T12:00:05.000000 TDB)"
+
+
+def test_integers_and_fractions_are_kept(dtype):
+    assert exact(jf.Epoch.from_et(825638469)) == 825638469
+    assert exact(jf.Epoch.from_et(jnp.asarray(825638469, jnp.int32))) == 825638469
+    third = exact(jf.Epoch.from_et(Fraction(825638469, 3)))
+    assert abs(third - Fraction(825638469, 3)) < Fraction(1, 10**5 if dtype == np.float32 else 10**20)
+
+
+def test_batches_broadcast_and_index(dtype):
+    epochs = jf.Epoch.from_tdb("2026-03-01") + np.arange(3.0)
+    assert epochs.shape == (3,)
+    assert float(epochs[2] - epochs[0]) == 2.0
+    grid = epochs[:, None] + jnp.asarray([[0.0, 10.0]], dtype)
+    assert grid.shape == (3, 2)
+    np.testing.assert_array_equal(grid - jf.Epoch.from_tdb("2026-03-01"), [[0, 10], [1, 11], [2, 12]])
+
+
+def test_sums_under_jit_vmap_and_grad(dtype):
+    start = jf.Epoch.from_tdb("2026-03-01")
+    offsets = jnp.asarray([0.25, 1.5], dtype)
+    eager = start + offsets
+    for made in (jax.jit(lambda t: start + t)(offsets), jax.vmap(lambda t: start + t)(offsets)):
+        np.testing.assert_array_equal(made.hi, eager.hi)
+        np.testing.assert_array_equal(made.lo, eager.lo)
+    assert float(jax.grad(lambda t: (start + t) - start)(jnp.asarray(2.0, dtype))) == 1.0
+
+
+@pytest.mark.parametrize("bad", ["2026-02-30", "noon", "2026-01-01T25:00", ""])
+def test_bad_dates_are_refused_by_name(bad):
+    for read in (jf.Epoch.from_tdb, jf.Epoch.from_utc):
+        with pytest.raises(jf.FrameError, match=r"no (TDB|UTC) date"):
+            read(bad)
+
+
+def test_other_refusals():
+    epoch = jf.Epoch.from_et(0)
+    with pytest.raises(jf.FrameError, match="duration"):
+        epoch + epoch
+    with pytest.raises(jf.FrameError, match="1972"):
+        jf.Epoch.from_utc("1971-12-31")
+    with pytest.raises(jf.FrameError, match="does not exist"):
+        jf.Epoch.from_utc("2026-06-30T23:59:60")
+    for bad in ("2026-01-01", None, True):
+        with pytest.raises(jf.FrameError, match="from_tdb"):
+            jf.Epoch.from_et(bad)
+
+
+def test_utc_agrees_with_cspice(rng):
+    kernel = str(jf.spice.find_kernels("leapseconds")[0])
+    texts = ["1972-01-01", "2016-12-31T23:59:60.5", "2017-01-01T00:00:00", "2026-03-01T00:00:00.125", "1998-12-31T23:59:60"]
+    for _ in range(200):
+        day = np.datetime64("1972-01-01") + int(rng.integers(0, 20000))
+        texts.append(f"{day}T{rng.integers(24):02d}:{rng.integers(60):02d}:{rng.integers(60):02d}.{rng.integers(1000):03d}")
+    spiceypy.furnsh(kernel)
+    try:
+        for text in texts:
+            assert abs(float(utc_seconds(text)) - spiceypy.str2et(text)) < 3e-7, text  # the spacing of one float64 in these years
+    finally:
+        spiceypy.unload(kernel)
+    assert utc_seconds("2026-03-01T00:00:00Z") == utc_seconds("2026-03-01T00:00:00+00:00") == utc_seconds("2026-03-01")
