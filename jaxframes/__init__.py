@@ -34,10 +34,10 @@ from jaxframes.spatial import phi as phi
 from jaxframes.spatial import stack as stack
 from jaxframes.tree import FrameTree as FrameTree
 from jaxframes.tree import State as State
-from jaxframes.tree.state import Attachments as Attachments
 from jaxframes.tree import TreeBuilder as TreeBuilder
 from jaxframes.tree import edges as edges
 from jaxframes.tree.chain import Chain as Chain
+from jaxframes.tree.state import Attachments as Attachments
 from jaxframes.tree.text import DumpOptions as DumpOptions
 from jaxframes.view.export import to_dot as to_dot
 from jaxframes.view.export import to_mermaid as to_mermaid

@@ -73,29 +73,31 @@ def imports_of(path):
 
 
 IMPORT_PROBE = """
-import jax, time
+import jax, time, sys
 before = {name: getattr(jax.config, name) for name in ("jax_enable_x64", "jax_default_matmul_precision", "jax_numpy_rank_promotion")}
-import builtins, socket
 opened = []
-real_open = builtins.open
-builtins.open = lambda file, *a, **k: (opened.append(file), real_open(file, *a, **k))[1]
-def refuse(*a, **k): raise AssertionError("a socket at import")
-socket.socket.connect = refuse
+def watch(event, arguments):
+    if event in ("open", "socket.connect", "subprocess.Popen") and not str(arguments[0]).endswith((".py", ".pyc", ".so")):
+        opened.append((event, arguments[0]))
+sys.addaudithook(watch)
 start = time.perf_counter()
 import jaxframes
 cost = time.perf_counter() - start
-builtins.open = real_open
+seen = list(opened)
 assert before == {name: getattr(jax.config, name) for name in before}, "global configuration changed"
-assert not opened, opened
+assert not [s for s in seen if "__pycache__" not in str(s[1])], seen
 from jax._src import xla_bridge
 assert not xla_bridge._backends, "a backend was started"
-import sys
-heavy = [m for m in ("spiceypy", "scipy", "matplotlib", "jaxlie", "mujoco", "xarray", "bokeh") if m in sys.modules]
-assert not [m for m in heavy if m != "scipy"], heavy
+heavy = [m for m in ("spiceypy", "matplotlib", "jaxlie", "mujoco", "xarray", "bokeh") if m in sys.modules]
+assert not heavy, heavy  # scipy is not listed: jax itself imports it
 print(cost)
 """
 
 
 def test_import_is_light_and_changes_nothing():
-    done = subprocess.run([sys.executable, "-c", IMPORT_PROBE], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    costs = []
+    for _ in range(5):
+        done = subprocess.run([sys.executable, "-c", IMPORT_PROBE], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        costs.append(float(done.stdout))
+    print(f"importing jaxframes costs {min(costs):.3f} s beyond jax")  # asked: 0.15 s; tests never assert on a clock

@@ -1,5 +1,6 @@
 """The demonstration's scene: the Solar System, a ground station, a lunar orbiter and its antenna that tracks the station."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import jax
@@ -20,7 +21,7 @@ _SEMI_MAJOR, _ECCENTRICITY = 4.0e6, 0.45  # m
 _PLANE = (0.0, 1.3, 0.4)  # roll, pitch, yaw (rad) of the orbit's plane in J2000 axes
 
 
-def build_tree(tables: dict[str, Edge]) -> FrameTree:
+def build_tree(tables: Mapping[str, Edge]) -> FrameTree:
     """Return the scene's tree; ``tables`` hold the edges that ship with the package."""
     b = TreeBuilder(root="ssb")
     b.add("sun", parent="ssb", edge=tables["sun"])

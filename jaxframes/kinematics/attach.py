@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from jaxframes.kinematics.attached import Islands, is_one_of
+from jaxframes.kinematics.attached import Islands, is_one_of, spoiled
 from jaxframes.kinematics.context import Context
 from jaxframes.numerics.boundary import assemble
 from jaxframes.numerics.components import renormalized
@@ -39,7 +39,8 @@ def attach(tree: FrameTree, state: State, to: jax.Array, *, frame: int, keep: st
     islands = Islands(context, (frame, *candidates))
     rank, shape = len(context.shape), jnp.broadcast_shapes(context.shape, to.shape)
     aligned = to if to.ndim in (0, rank) else to.reshape((1,) * max(rank - to.ndim, 0) + to.shape)
-    here = relative(islands.motion_of_traced(aligned, candidates), islands.motion(frame), order)
+    seat, good = islands.motion_of_traced(aligned, candidates)
+    here = islands.spoil(spoiled(relative(seat, islands.motion(frame), order), good, context.dtype), frame)
     # The pose is stored and later composed again: without this, norm errors of repeated attachments would feed on each other.
     motion = _values(replace(here, rotation=renormalized(here.rotation)), shape, context.dtype)
     fresh = jax.tree.map(lambda old, new: _put(old, row, new.astype(old.dtype), 1), held.motion, motion)

@@ -12,6 +12,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from jaxframes.errors import MissingInputError, NoAccelerationError
 from jaxframes.kinematics import doubling
 from jaxframes.kinematics.context import Context
 from jaxframes.kinematics.walk import outward
@@ -27,8 +28,11 @@ UNROLLED = 12
 class Islands:
     """The islands that a query may touch, each one's root placed in the anchor: a frame that all of them are reached from.
 
-    The anchor is the lowest frame of the root's island above everything that is asked for there, so a distant root does not
-    enter where the candidates are near.
+    The anchor is a frame near to what is asked for: one of the frames themselves, or the frame that one of them is declared
+    on. Paths to the candidates start there and go through common ancestors, so a distant root does not enter.
+
+    Motions may be wrong where a link is not valid (a cycle, a parent that is no candidate): ``spoil`` makes them NaN. It comes
+    last, so that an invalid link spoils nothing that does not depend on it, in value and gradient.
     """
 
     def __init__(self, context: Context, frames: tuple[int, ...]):
@@ -43,9 +47,18 @@ class Islands:
                 ahead.extend(topology.candidates[self._rows[island]])
             wanted[island].add(frame)
         self.links = tuple(island for island in wanted if island)
-        self.anchor = _lowest(context, wanted[0])
-        self._inside = {island: outward(context, island or self.anchor, frozenset(needed)) for island, needed in wanted.items() if needed}
+        self.anchor = _near(context, frames)
+        self._inside = {island: self._walk(island, needed, frames) for island, needed in wanted.items() if needed}
         self._place()
+
+    def _walk(self, island: int, needed: set[int], asked: tuple[int, ...]) -> dict[int, Rigid]:
+        try:
+            return outward(self.context, island or self.anchor, frozenset(needed))
+        except (MissingInputError, NoAccelerationError) as error:
+            names = ", ".join(repr(self.context.topology.names[link]) for link in self.links)
+            raise type(error)(
+                f"{error} (it may be on the way to a candidate of {names}: Attachable(candidates=...) restricts these)"
+            ) from None
 
     def _place(self) -> None:
         """Work out where each island's root is in the anchor, and whether it hangs on the root at all."""
@@ -54,8 +67,7 @@ class Islands:
             roots, self.valid = doubling.place(self.context, self.links, self._rows, self._inside)
         else:
             roots, self.valid = self._place_unrolled()
-        spoiled = {island: _spoiled(roots[island], self.valid[island], self.context.dtype) for island in self.links}
-        self.roots = {0: AT_REST, **spoiled}
+        self.roots = {**roots, 0: AT_REST}
 
     def _place_unrolled(self) -> tuple[Table, Table]:
         """Do the same for few links and candidates, told apart by selects."""
@@ -87,13 +99,24 @@ class Islands:
             new_valid[island] = valid[island] & good
         return new_roots, new_pointers, new_valid
 
+    def spoil(self, motion: Rigid, *frames: int) -> Rigid:
+        """Return a motion that is NaN where the frames that it comes from do not hang, link by link, on the root."""
+        for island in sorted({self.context.topology.islands[frame] for frame in frames} - {0}):
+            motion = spoiled(motion, self.valid[island], self.context.dtype)
+        return motion
+
+    def between(self, of: int, relative_to: int) -> Rigid:
+        """Return the motion of ``of`` as ``relative_to`` sees it."""
+        motion = relative(self.motion(relative_to), self.motion(of), self.context.order)
+        return self.spoil(motion, of, relative_to)
+
     def motion(self, frame: int) -> Rigid:
-        """Return the motion of a frame relative to the anchor."""
+        """Return the motion of a frame relative to the anchor (not spoiled)."""
         island = self.context.topology.islands[frame]
         return compose(self.roots[island], self._inside[island][frame], self.context.order)
 
-    def motion_of_traced(self, frame: jax.Array, candidates: tuple[int, ...]) -> Rigid:
-        """Return the motion relative to the anchor of a frame given as data: NaN where it is none of the candidates."""
+    def motion_of_traced(self, frame: jax.Array, candidates: tuple[int, ...]) -> tuple[Rigid, jax.Array]:
+        """Return the motion relative to the anchor of a frame given as data, and where it is a candidate that hangs on the root."""
         motions, known = [self.motion(c) for c in candidates], is_one_of(frame, candidates)
         if len(candidates) > UNROLLED:
             shape = jnp.broadcast_shapes(self.context.shape, frame.shape)
@@ -103,21 +126,22 @@ class Islands:
             motion = jax.tree.map(lambda c: c if isinstance(c, float) else c[..., 0], found)
         else:
             motion = _select(frame, list(zip(candidates, motions, strict=True)), self.context.dtype)
-        return _spoiled(motion, known, self.context.dtype)
+        home = self.context.topology.islands
+        hangs = _choose(frame, [(c, self.valid[home[c]] if home[c] else True) for c in candidates])
+        return motion, known & hangs
 
 
 def between(context: Context, of: int, relative_to: int) -> Rigid:
     """Return the motion of ``of`` as ``relative_to`` sees it, when attachable frames stand between them."""
-    islands = Islands(context, (of, relative_to))
-    return relative(islands.motion(relative_to), islands.motion(of), context.order)
+    return Islands(context, (relative_to, of)).between(of, relative_to)
 
 
 def all_frames(context: Context, relative_to: int) -> dict[int, Rigid]:
     """Return the motions of all frames as ``relative_to`` sees them, in a tree with attachable frames."""
     every = tuple(range(len(context.topology.names)))
-    islands = Islands(context, every)
-    observer, near = islands.motion(relative_to), outward(context, relative_to)
-    return {frame: near[frame] if frame in near else relative(observer, islands.motion(frame), context.order) for frame in every}
+    islands = Islands(context, (relative_to, *every))
+    near = outward(context, relative_to)
+    return {frame: near[frame] if frame in near else islands.between(frame, relative_to) for frame in every}
 
 
 def is_one_of(frame: jax.Array, candidates: tuple[int, ...]) -> jax.Array:
@@ -125,14 +149,17 @@ def is_one_of(frame: jax.Array, candidates: tuple[int, ...]) -> jax.Array:
     return _choose(frame, [(c, True) for c in candidates], False)
 
 
-def _lowest(context: Context, frames: set[int]) -> int:
-    """Return the lowest common ancestor of frames of the root's island; the root where there are none."""
-    if not frames:
-        return 0
-    first, *others = sorted(frames)
-    for other in others:
-        first = context.topology.common_ancestor(first, other)
-    return first
+def _near(context: Context, frames: tuple[int, ...]) -> int:
+    """Return a frame of the root's island near to those asked for: the first of them there, or what the first is declared on."""
+    topology = context.topology
+    for frame in frames:
+        if topology.islands[frame] == 0:
+            return frame
+    for frame in frames:
+        declared = topology.parents[topology.islands[frame]]
+        if topology.islands[declared] == 0:
+            return declared
+    return 0
 
 
 def _choose(key: jax.Array, options: list[tuple[int, Any]], otherwise: Any = None) -> jax.Array:
@@ -162,7 +189,7 @@ def _select(key: jax.Array, options: list[tuple[int, Rigid]], dtype: Any) -> Rig
     return jax.tree.map(pick, *(motion for _, motion in options))
 
 
-def _spoiled(motion: Rigid, valid: jax.Array, dtype: Any) -> Rigid:
+def spoiled(motion: Rigid, valid: jax.Array, dtype: Any) -> Rigid:
     """Return a motion that is NaN, in value and gradient, where it is not valid."""
     factor = jnp.where(valid, 1.0, jnp.nan).astype(dtype)
     return jax.tree.map(lambda component: factor * component, motion)

@@ -7,12 +7,13 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxframes.errors import MissingInputError, NoAccelerationError, ShapeError
-from jaxframes.numerics.boundary import take_apart
-from jaxframes.numerics.components import V3, Component, Quat
+from jaxframes.numerics.boundary import parameters, take_apart
+from jaxframes.numerics.components import V3, Component, Quat, mul
 from jaxframes.numerics.rigid import AT_REST, Rigid
 from jaxframes.numerics.steps import Step, append
 from jaxframes.spatial import Motion
 from jaxframes.tree.edges.base import Edge, Inputs
+from jaxframes.tree.edges.mimic import Mimic
 from jaxframes.tree.joints import float_dtype
 from jaxframes.tree.state import State
 from jaxframes.tree.tree import FrameTree
@@ -44,6 +45,11 @@ class Context:
                 f"the state holds prescribed motions of shape {found}, but this tree has {held}; make it with this tree.state(...)"
             )
 
+        loose, given = len(self.topology.attachables), state.attachments
+        if (0 if given is None else given.parents.shape[-1]) != loose:
+            found = "none" if given is None else given.parents.shape[-1]
+            raise ShapeError(f"this tree has {loose} attachable frames, the state holds {found}; make it with this tree.state(...)")
+
     def _batch_shape(self, state: State) -> tuple[int, ...]:
         shapes = [values.shape[:-1] for values in (state.q, state.qd, state.qdd)]
         shapes += [leaf.shape[:-2] for leaf in jax.tree.leaves(state.prescribed)]
@@ -53,7 +59,14 @@ class Context:
             shapes += [leaf.shape[:-2] for leaf in jax.tree.leaves(state.attachments.motion)]
         for leaves, stacked in zip(self.tree.parameters, self.topology.stacked, strict=True):
             shapes += [leaf.shape[:-2] for leaf in leaves if stacked]
-        return jnp.broadcast_shapes(*shapes)
+        try:
+            return jnp.broadcast_shapes(*shapes)
+        except ValueError:
+            fields = {"q": state.q.shape[:-1], "qd": state.qd.shape[:-1], "qdd": state.qdd.shape[:-1]}
+            fields["time"] = () if state.time is None else state.time.shape
+            fields["prescribed"] = state.prescribed.transform.shape[:-1]
+            text = ", ".join(f"{name} {shape}" for name, shape in fields.items())
+            raise ShapeError(f"the batch axes of the state and the tree do not broadcast: {text}") from None
 
     def _ranked(self, array: jax.Array, trailing: int) -> jax.Array:
         """Return an array in the common dtype, its batch axes padded on the left to the common rank (none stays none)."""
@@ -102,37 +115,59 @@ class Context:
             MissingInputError: The edge needs the time and the state has none.
         """
         if frame not in self._steps:
-            edge, name = self.edge(frame), self.topology.names[frame]
-            if self.order > 1 and not edge.supports_accelerations:
-                raise NoAccelerationError(
-                    f"the edge of frame {name!r} ({edge.describe()}) supports no accelerations; ask for transform or velocity, "
-                    f"or put an edge there that does"
-                )
-            if edge.needs_time and self._time is None:
-                raise MissingInputError(f"frame {name!r} hangs on {edge.describe()}, and the state has no time; pass time= to tree.state")
-            self._steps[frame] = edge.steps(self._inputs(frame), self.order)
+            self.check(frame)
+            self._steps[frame] = self.edge(frame).steps(self.inputs(frame), self.order)
         return self._steps[frame]
+
+    def check(self, frame: int) -> None:
+        """Raise NoAccelerationError or MissingInputError where the edge above a frame cannot answer."""
+        edge, name = self.tree._edge(frame), self.topology.names[frame]
+        if self.order > 1 and not edge.supports_accelerations:
+            raise NoAccelerationError(
+                f"the edge of frame {name!r} ({edge.describe()}) supports no accelerations; ask for transform or velocity, "
+                f"or put an edge there that does"
+            )
+        if edge.needs_time and self._time is None:
+            raise MissingInputError(f"frame {name!r} hangs on {edge.describe()}, and the state has no time; pass time= to tree.state")
 
     def unit_twists(self, frame: int) -> list[tuple[int, Rigid]]:
         """Return, for each rate of the edge above a frame, its index in ``qd`` and the edge's velocity for a unit of it."""
-        _, _, first, count = self.topology.coordinates[frame]
-        edge, found = self.edge(frame), []
+        first, scale = self._driver(frame)
+        edge, found, own = self.edge(frame), [], self.inputs(frame)
+        count = len(own.qd)
         for i in range(count):
-            one = tuple(1.0 if i == j else 0.0 for j in range(count))
-            inputs = self._inputs(frame)._replace(qd=one, qdd=(0.0,) * count)
+            one = tuple(scale if i == j else 0.0 for j in range(count))
+            inputs = own._replace(qd=one, qdd=(0.0,) * count)
             motion = AT_REST
             for step in edge.steps(inputs, 1):
                 motion = append(motion, step, 1)
             found.append((first + i, motion))
         return found
 
-    def _inputs(self, frame: int) -> Inputs:
+    def _driver(self, frame: int) -> tuple[int, Component]:
+        """Return the index in ``qd`` of the first rate that moves an edge, and by how much: 1 unless it follows others."""
+        source, edge = self.topology.sources[frame], self.edge(frame)
+        if source < 0 or not isinstance(edge, Mimic):
+            return self.topology.coordinates[frame][2], 1.0
+        first, scale = self._driver(source)
+        return first + edge.coordinate, mul(scale, parameters(edge.multiplier, len(self.shape))[0])
+
+    def coordinates(self, frame: int) -> tuple[tuple[Component, ...], tuple[Component, ...], tuple[Component, ...]]:
+        """Return the coordinates of an edge and their first and second derivatives: its own, or those that it follows."""
+        source, edge = self.topology.sources[frame], self.edge(frame)
+        if source >= 0 and isinstance(edge, Mimic):
+            return edge.follow(*self.coordinates(source), len(self.shape))
         first_q, nq, first_v, nv = self.topology.coordinates[frame]
+        return self._q[first_q : first_q + nq], self._qd[first_v : first_v + nv], self._qdd[first_v : first_v + nv]
+
+    def inputs(self, frame: int) -> Inputs:
+        """Return what the edge above a frame may read."""
         row = self.topology.prescribed[frame]
+        q, qd, qdd = self.coordinates(frame)
         return Inputs(
-            q=self._q[first_q : first_q + nq],
-            qd=self._qd[first_v : first_v + nv],
-            qdd=self._qdd[first_v : first_v + nv],
+            q=q,
+            qd=qd,
+            qdd=qdd,
             time=self._time,
             prescribed=None if row < 0 else self._held(self._state.prescribed, row),
             batch_rank=len(self.shape),

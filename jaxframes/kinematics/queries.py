@@ -1,21 +1,20 @@
 """Queries: from trees and states to values, through components; the engine behind ``FrameTree``'s methods."""
 
-import functools
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
 
-from jaxframes.kinematics import attached
+from jaxframes.kinematics import attached, levels
 from jaxframes.kinematics.attach import attach, attachments_valid
 from jaxframes.kinematics.context import Context
 from jaxframes.kinematics.jacobian import jacobian
 from jaxframes.kinematics.path import between
 from jaxframes.kinematics.rates import broadcast, rate
-from jaxframes.kinematics.walk import outward
-from jaxframes.numerics.boundary import assemble, is_concrete
-from jaxframes.numerics.rigid import Rigid, express, relative
+from jaxframes.kinematics.walk import arrays_of, everything, outward
+from jaxframes.numerics.boundary import is_concrete
+from jaxframes.numerics.rigid import Rigid, express
 from jaxframes.spatial import Motion, Rotation, SpatialAcceleration, SpatialVelocity, Transform
 from jaxframes.tree.state import State
 from jaxframes.tree.tree import FrameTree
@@ -25,13 +24,14 @@ Value = TypeVar("Value")
 
 def as_motion(motion: Rigid, context: Context) -> Motion:
     """Return components as the values that users hold; velocity and acceleration are None beyond the order computed."""
-    array = functools.partial(assemble, shape=context.shape, dtype=context.dtype)
-    transform = Transform(Rotation(array(tuple(motion.rotation))), array(tuple(motion.translation)))
-    velocity = acceleration = None
-    if context.order > 0:
-        velocity = SpatialVelocity(array(tuple(motion.angular)), array(tuple(motion.linear)))
-    if context.order > 1:
-        acceleration = SpatialAcceleration(array(tuple(motion.angular2)), array(tuple(motion.linear2)))
+    return _named(arrays_of(motion, context))
+
+
+def _named(parts: tuple[jax.Array, ...]) -> Motion:
+    """Return two, four or six arrays as a motion; what is not there is None."""
+    transform = Transform(Rotation(parts[0]), parts[1])
+    velocity = SpatialVelocity(parts[2], parts[3]) if len(parts) > 2 else None
+    acceleration = SpatialAcceleration(parts[4], parts[5]) if len(parts) > 4 else None
     return Motion(transform, velocity, acceleration)  # pyright: ignore[reportArgumentType]
 
 
@@ -46,20 +46,26 @@ def _between(tree: FrameTree, state: State, of: int, relative_to: int, expressed
 
 def _all_frames(tree: FrameTree, state: State, relative_to: int, order: int) -> Motion:
     context = Context(tree, state, order)
-    found = attached.all_frames(context, relative_to) if tree.topology.attachables else outward(context, relative_to)
-    return _stacked([as_motion(found[frame], context) for frame in range(len(tree.names))], -2)
+    if levels.applies(context, relative_to):
+        return _named(levels.as_arrays(levels.all_frames(context), context))
+    if tree.topology.attachables:
+        found = attached.all_frames(context, relative_to)
+        arrays = [arrays_of(found[frame], context) for frame in range(len(tree.names))]
+    else:
+        done = everything(context, relative_to)
+        arrays = [done[frame] for frame in range(len(tree.names))]
+    return _named(tuple(jnp.stack(parts, axis=-2) for parts in zip(*arrays, strict=True)))
 
 
 def _pairs(tree: FrameTree, state: State, of: tuple[int, ...], relative_to: tuple[int, ...]) -> Transform:
     context, rows = Context(tree, state, 0), []
     home = tree.topology.islands
     loose = len({home[frame] for frame in (*of, *relative_to)}) > 1
-    islands = attached.Islands(context, (*of, *relative_to)) if loose else None
+    islands = attached.Islands(context, (*relative_to, *of)) if loose else None
     for observer in relative_to:
         found = outward(context, observer, frozenset(frame for frame in of if home[frame] == home[observer]))
         if islands is not None:
-            here = islands.motion(observer)
-            found |= {frame: relative(here, islands.motion(frame), 0) for frame in of if frame not in found}
+            found |= {frame: islands.between(frame, observer) for frame in of if frame not in found}
         rows.append(_stacked([as_motion(found[frame], context).transform for frame in of], -2))
     return _stacked(rows, -3)
 

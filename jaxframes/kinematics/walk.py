@@ -1,6 +1,12 @@
 """Over all frames: the motion of every frame relative to one, each edge used once, outward from the observer."""
 
+from collections.abc import Callable
+
+import jax
+
 from jaxframes.kinematics.context import Context
+from jaxframes.numerics.boundary import assemble, take_apart
+from jaxframes.numerics.components import V3, Quat
 from jaxframes.numerics.rigid import AT_REST, Rigid, compose, inverse
 from jaxframes.numerics.steps import append
 
@@ -20,7 +26,44 @@ def extend(context: Context, motion: Rigid, frame: int) -> Rigid:
     return motion
 
 
-def outward(context: Context, observer: int, wanted: frozenset[int] | None = None) -> dict[int, Rigid]:
+Arrays = tuple[jax.Array, ...]
+"""The parts of a motion as arrays [..., 4 or 3]: pose, then velocity, then acceleration, as far as the order goes."""
+
+
+def arrays_of(motion: Rigid, context: Context) -> Arrays:
+    """Return the parts of a motion that the order asks for as fenced arrays of the whole batch."""
+    parts = (motion.rotation, motion.translation, motion.angular, motion.linear, motion.angular2, motion.linear2)
+    return tuple(assemble(tuple(part), context.shape, context.dtype) for part in parts[: 2 + 2 * context.order])
+
+
+def motion_of(arrays: Arrays) -> Rigid:
+    """Return a motion from its parts as arrays."""
+    quat, *vectors = (take_apart(array) for array in arrays)
+    return Rigid(Quat(*quat), *(V3(*v) for v in vectors))
+
+
+def everything(context: Context, observer: int) -> dict[int, Arrays]:
+    """Return the motions of all frames of the observer's static part as arrays.
+
+    Each frame's result is also what its children are computed from: every frame is a stage of its own, so the program and its
+    compilation grow linearly with the number of frames.
+    """
+    done: dict[int, Arrays] = {}
+
+    def stage(frame: int, motion: Rigid) -> Rigid:
+        done[frame] = arrays_of(motion, context)
+        return motion_of(done[frame])
+
+    outward(context, observer, stage=stage)
+    return done
+
+
+def outward(
+    context: Context,
+    observer: int,
+    wanted: frozenset[int] | None = None,
+    stage: Callable[[int, Rigid], Rigid] = lambda frame, motion: motion,
+) -> dict[int, Rigid]:
     """Return the motions of frames relative to an observer, within the static part of the tree that it belongs to.
 
     Walks up from the observer by inverted edges and down everywhere else, so every path goes through the common ancestor and
@@ -30,10 +73,12 @@ def outward(context: Context, observer: int, wanted: frozenset[int] | None = Non
         context: Tree, state and order.
         observer: The frame that everything is relative to.
         wanted: Frames whose motions are needed, all of the observer's static part. Default: all of that part.
+        stage: Called with every frame and its motion; what it returns is what the next frames start from.
     """
     topology = context.topology
     needed = None if wanted is None else _with_paths(context, observer, wanted)
     found = {observer: AT_REST}
+    stage(observer, AT_REST)
     ahead = [observer]
     island = topology.islands[observer]
     for frame in topology.ancestors(observer):
@@ -41,13 +86,13 @@ def outward(context: Context, observer: int, wanted: frozenset[int] | None = Non
             break
         parent = topology.parents[frame]
         if needed is None or parent in needed:
-            found[parent] = compose(found[frame], inverse(edge_motion(context, frame), context.order), context.order)
+            found[parent] = stage(parent, compose(found[frame], inverse(edge_motion(context, frame), context.order), context.order))
             ahead.append(parent)
     while ahead:
         frame = ahead.pop()
         for child in topology.children[frame]:
             if child not in found and topology.islands[child] == island and (needed is None or child in needed):
-                found[child] = extend(context, found[frame], child)
+                found[child] = stage(child, extend(context, found[frame], child))
                 ahead.append(child)
     return found
 

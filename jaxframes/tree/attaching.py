@@ -6,10 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.errors import EdgeError, FrameError, TopologyError
+from jaxframes.errors import EdgeError, FrameError, ShapeError, TopologyError
 from jaxframes.numerics.boundary import is_concrete
 from jaxframes.tree.engine import engine
-from jaxframes.tree.state import State
+from jaxframes.tree.state import Attachments, State
 from jaxframes.tree.states import Stateful
 
 KEEP = ("relative", "world", "motion")
@@ -47,8 +47,11 @@ class Attaching(Stateful):
         """
         if keep not in KEEP:
             raise FrameError(f"attach(keep=...) takes one of {', '.join(map(repr, KEEP))}, not {keep!r}")
-        index = self._attachable(frame)
+        index = self._attachable(frame, to)
+        self._check_state(state)
         target = self.topology.index(to) if isinstance(to, str) else to
+        if not np.issubdtype(jnp.result_type(target), np.integer):
+            raise ShapeError(f"attach {frame!r} to a frame's name or to frame indices (integers), found {target!r}")
         known = not isinstance(target, jax.Array) or is_concrete(target)
         if known:
             self._check_target(state, index, np.asarray(target))
@@ -62,11 +65,18 @@ class Attaching(Stateful):
         """Return the parent of each attachable frame: its name, or an array of frame indices [...] for a batch or a trace."""
         found: dict[str, Any] = {}
         for row, frame in enumerate(self.topology.attachables):
-            assert state.attachments is not None
-            parents = state.attachments.parents[..., row]
+            parents = self._check_state(state).parents[..., row]
             single = is_concrete(parents) and parents.ndim == 0
             found[self.names[frame]] = self._name_of(int(parents)) if single else parents
         return found
+
+    def _check_state(self, state: State) -> Attachments:
+        """Return a state's attachments (ShapeError if they are not those of this tree)."""
+        held, count = state.attachments, len(self.topology.attachables)
+        if held is None or held.parents.shape[-1] != count:
+            found = "none" if held is None else held.parents.shape[-1]
+            raise ShapeError(f"this tree has {count} attachable frames, the state holds {found}; make it with this tree.state(...)")
+        return held
 
     def _name_of(self, index: int) -> str:
         return self.names[index] if 0 <= index < len(self.names) else f"no frame: {index}"
@@ -95,16 +105,19 @@ class Attaching(Stateful):
         if state is None:
             return super().children(name)
         here = self.attached_to(state)
+        if any(not isinstance(parent, str) for parent in here.values()):
+            raise ShapeError(f"the children of {name!r} differ over a batch of states; ask one state at a time, or tree.attached_to(state)")
         fixed = tuple(child for child in super().children(name) if child not in here)
-        return fixed + tuple(child for child, parent in here.items() if isinstance(parent, str) and parent == name)
+        return fixed + tuple(child for child, parent in here.items() if parent == name)
 
-    def _attachable(self, frame: str) -> int:
+    def _attachable(self, frame: str, to: Any) -> int:
         index = self.topology.index(frame)
         if index not in self.topology.attachables:
             what = "is the root" if index == 0 else f"is {self._edge(index).describe()} on {super().parent(frame)!r}"
             loose = ", ".join(repr(self.names[i]) for i in self.topology.attachables) or "none"
             raise EdgeError(
-                f"frame {frame!r} {what}, so it cannot be attached elsewhere; attachable frames: {loose}. Use jf.edges.Attachable()"
+                f"cannot attach {frame!r} to {to!r}: {frame!r} {what}, so it stays there; attachable frames: {loose}. "
+                f"Use jf.edges.Attachable()"
             )
         return index
 
@@ -123,7 +136,7 @@ class Attaching(Stateful):
                 )
             if int(target) not in topology.candidates[row]:
                 allowed = ", ".join(repr(n) for n in topology.names_of(topology.candidates[row]))
-                raise TopologyError(f"cannot attach {name!r} to {other!r}: its candidates are {allowed}")
+                raise TopologyError(f"cannot attach {name!r} to {other!r}: its candidates are {allowed}; name {other!r} among them too")
         assert state.attachments is not None
         if is_concrete(state.attachments.parents) and np.any(hangs_on(topology, np.asarray(state.attachments.parents), targets, frame)):
             other = topology.names[int(np.unique(targets)[0])]

@@ -1,12 +1,13 @@
 """Builder: frames are named and hung on each other here, on the host, with every mistake reported by name."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from jaxframes.errors import DuplicateNameError, EdgeError, TopologyError, UnknownFrameError, suggest
+from jaxframes.errors import DuplicateNameError, EdgeError, TopologyError, UnknownFrameError, UnknownJointError, suggest
 from jaxframes.tree.edges.attachable import Attachable
 from jaxframes.tree.edges.base import Edge
 from jaxframes.tree.edges.rigid import Fixed
+from jaxframes.tree.following import sources
 from jaxframes.tree.grouping import group_edges
 from jaxframes.tree.properties import Properties, freeze
 from jaxframes.tree.topology import Topology
@@ -30,7 +31,7 @@ class TreeBuilder:
     def __init__(self, root: str = "world"):
         self._parents: dict[str, str | None] = {_checked_name(root): None}
         self._edges: dict[str, Edge] = {}
-        self._joints: dict[str, str] = {}
+        self._joints: dict[str, str] = {}  # frame -> name of its edge; the order is that of the coordinates
         self._properties: dict[str, Properties] = {}
 
     @classmethod
@@ -56,7 +57,7 @@ class TreeBuilder:
         if parent not in self._parents:
             raise UnknownFrameError(f"cannot include a tree below {parent!r}: no such frame.{suggest(parent, self._parents)}")
         clash = [prefix + name for name in tree.names if prefix + name in self._parents]
-        clash += [f"joint {prefix + name}" for name in tree.joint_names if prefix + name in self._joints.values()]
+        clash += [f"joint {prefix + name}" for name in tree.topology.edge_index if prefix + name in self._joints.values()]
         if clash:
             raise DuplicateNameError(
                 f"cannot include the tree: {', '.join(clash[:5])} exist already; give another prefix (it is {prefix!r})"
@@ -67,15 +68,15 @@ class TreeBuilder:
 
     def _take(self, tree: FrameTree, names: tuple[str, ...], prefix: str, top: str) -> None:
         joints = {tree.names[frame]: joint for frame, joint in zip(tree.topology.joint_frames, tree.joint_names, strict=True)}
+        joints |= {tree.names[frame]: joint for joint, frame in tree.topology.edge_index.items() if tree.names[frame] not in joints}
         held = dict(tree.topology.properties)
         for name in names:
             parent = tree.parent(name)
             new = prefix + name
             self._parents[new], self._edges[new] = (top if parent == tree.root else prefix + parent), tree.edge(name).prefixed(prefix)
-            if name in joints:
-                self._joints[new] = prefix + joints[name]
             if name in held:
                 self._properties[new] = held[name]
+        self._joints.update((prefix + name, prefix + joint) for name, joint in joints.items())
 
     def reordered(self, order: list[str], parents: Mapping[str, str], edges: Mapping[str, Edge]) -> "TreeBuilder":
         """Return a builder with the same frames in another order, some of them with another parent or edge."""
@@ -83,8 +84,7 @@ class TreeBuilder:
         for name in order[1:]:
             made._parents[name] = parents.get(name, self._parents[name])
             made._edges[name] = edges.get(name, self._edges[name])
-            if name in self._joints:
-                made._joints[name] = self._joints[name]
+        made._joints = dict(self._joints)
         made._properties = {name: self._properties[name] for name in order if name in self._properties}
         return made
 
@@ -134,7 +134,7 @@ class TreeBuilder:
             name: Name of the new frame.
             parent: Name of the frame it hangs on.
             edge: Motion of the new frame relative to its parent, one of ``jf.edges`` or a table.
-            joint: Name of the joint, for an edge with coordinates. Default: the frame's name.
+            joint: Name of the edge. Default: the frame's name for a joint, no name for other edges.
             properties: Facts kept with the frame, never traced: text, numbers, and tuples or mappings of them.
 
         Raises:
@@ -159,10 +159,8 @@ class TreeBuilder:
         if not isinstance(edge, Edge):
             raise EdgeError(f"frame {name!r}: edge must be one of jf.edges or a table, found {type(edge).__name__}: {edge!r}")
         frozen = freeze(properties or {}, f"frame {name!r}")
-        if edge.nq:
+        if edge.nq or edge.follows is not None or joint is not None:
             self._joints[name] = self._free_joint(name if joint is None else joint, name)
-        elif joint is not None:
-            raise EdgeError(f"frame {name!r}: joint={joint!r} was given, but {edge.describe()} has no coordinates")
         self._parents[name], self._edges[name] = parent, edge
         if frozen:
             self._properties[name] = frozen
@@ -184,18 +182,33 @@ class TreeBuilder:
                 )
         return joint
 
+    def order_joints(self, names: Sequence[str]) -> None:
+        """Set the order of the joints' coordinates in ``q``; without this it is that of declaration.
+
+        Args:
+            names: Joint names; joints that are not named come after them in the order that they had.
+
+        Raises:
+            UnknownJointError: There is no such joint.
+        """
+        frames = {joint: frame for frame, joint in self._joints.items()}
+        for name in names:
+            if name not in frames:
+                raise UnknownJointError(f"there is no joint {name!r} to put in order.{suggest(name, frames)}")
+        first = {frames[name]: name for name in names}
+        self._joints = {**first, **self._joints}
+
     def build(self) -> FrameTree:
         """Return the tree compiled into static arrays and stacked parameters."""
         names = self.names
         index = {name: i for i, name in enumerate(names)}
         edges = [self._edges[name] for name in names[1:]]
         parameters, groups, stacked, locations = group_edges(edges)
-        coordinates, prescribed = [(0, 0, 0, 0)], [-1]
-        first_q = first_v = held = 0
+        joints = [name for name in self._joints if self._edges[name].nq]
+        coordinates, prescribed, held = self._coordinates(joints), [-1], 0
         for edge in edges:
-            coordinates.append((first_q, edge.nq, first_v, edge.nv))
             prescribed.append(held if edge.is_prescribed else -1)
-            first_q, first_v, held = first_q + edge.nq, first_v + edge.nv, held + edge.is_prescribed
+            held += edge.is_prescribed
         parents = (-1, *(index[parent] for parent in (self._parents[name] for name in names[1:]) if parent is not None))
         attachables, candidates = self._attachables(index)
         topology = Topology(
@@ -204,16 +217,27 @@ class TreeBuilder:
             groups=groups,
             stacked=stacked,
             locations=((-1, -1), *locations),
-            coordinates=tuple(coordinates),
-            joint_names=tuple(self._joints[name] for name in names if name in self._joints),
-            joint_frames=tuple(index[name] for name in names if name in self._joints),
+            coordinates=coordinates,
+            joint_names=tuple(self._joints[name] for name in joints),
+            joint_frames=tuple(index[name] for name in joints),
             prescribed=tuple(prescribed),
             attachables=attachables,
             candidates=candidates,
-            neutral=tuple(value for edge in edges for value in edge.neutral()),
+            neutral=tuple(value for name in joints for value in self._edges[name].neutral()),
             properties=tuple((name, self._properties[name]) for name in names if name in self._properties),
+            edge_names=tuple(self._joints.get(name) for name in names),
+            sources=sources(self._edges, self._joints, index),
         )
         return FrameTree(parameters, topology)
+
+    def _coordinates(self, joints: list[str]) -> tuple[tuple[int, int, int, int], ...]:
+        """Return (first q, nq, first qd, nv) of each frame's edge; joints take their places in the order given."""
+        starts, first_q, first_v = {}, 0, 0
+        for name in joints:
+            edge = self._edges[name]
+            starts[name] = (first_q, edge.nq, first_v, edge.nv)
+            first_q, first_v = first_q + edge.nq, first_v + edge.nv
+        return tuple(starts.get(name, (0, 0, 0, 0)) for name in self._parents)
 
     def _attachables(self, index: dict[str, int]) -> tuple[tuple[int, ...], tuple[tuple[int, ...], ...]]:
         """Return the attachable frames and, for each, the frames that may be its parent."""

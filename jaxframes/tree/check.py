@@ -59,31 +59,37 @@ def _joints(tree: Any, state: State) -> Iterator[str]:
         limits = tree.edge(topology.names[frame]).limits_of()
         if limits is not None:
             low, high = (np.asarray(bound) for bound in limits)
-            outside = ((q < low) | (q > high)).any(-1)
-            if outside.any():
-                worst = q[outside].reshape(-1)[0]
-                span = f"[{low.reshape(-1)[0]:.6g}, {high.reshape(-1)[0]:.6g}]"
-                yield f"joint {joint!r}: q = {worst:.6g} is outside its limits {span}{_where(outside)}"
+            low, high, wide = np.broadcast_arrays(low, high, q)
+            for i in range(nq):
+                outside = ((wide < low) | (wide > high))[..., i]
+                if outside.any():
+                    worst, lower, upper = (values[..., i][outside].reshape(-1)[0] for values in (wide, low, high))
+                    which = f"q[{i}]" if nq > 1 else "q"
+                    yield f"joint {joint!r}: {which} = {worst:.6g} is outside its limits [{lower:.6g}, {upper:.6g}]{_where(outside)}"
+        if nq != nv and (nothing := np.linalg.norm(q[..., :4], axis=-1) == 0).any():
+            yield f"joint {joint!r}: its quaternion is zero{_where(nothing)}; start from tree.neutral()"
 
 
 def _prescribed(tree: Any, state: State) -> Iterator[str]:
-    held = state.prescribed
-    for frame, row in enumerate(tree.topology.prescribed):
-        if row < 0:
-            continue
+    rows = [(frame, row, state.prescribed) for frame, row in enumerate(tree.topology.prescribed) if row >= 0]
+    if state.attachments is not None:
+        rows += [(frame, row, state.attachments.motion) for row, frame in enumerate(tree.topology.attachables)]
+    for frame, row, held in rows:
         name = tree.names[frame]
         for leaf in jax.tree.leaves(held):
             values = np.asarray(leaf)[..., row, :]
             if not _finite(values).all():
-                yield f"frame {name!r}: its prescribed motion is not finite{_where(~_finite(values))}"
+                yield f"frame {name!r}: the motion that the state holds for it is not finite{_where(~_finite(values))}"
                 break
         wxyz = np.asarray(held.transform.rotation.wxyz)[..., row, :]
         if _finite(wxyz).all() and _norm_off(wxyz).any():
-            yield f"frame {name!r}: the quaternion of its prescribed pose is not unit{_where(_norm_off(wxyz))}; normalise it"
+            yield f"frame {name!r}: the quaternion of its pose in the state is not unit{_where(_norm_off(wxyz))}; normalise it"
 
 
 def _attachments(tree: Any, state: State) -> Iterator[str]:
     if state.attachments is None:
+        if tree.topology.attachables:
+            yield "the state holds no attachments, so it is not one of this tree; make it with this tree.state(...)"
         return
     topology, parents = tree.topology, np.asarray(state.attachments.parents)
     for row, frame in enumerate(topology.attachables):
@@ -103,9 +109,12 @@ def _times(tree: Any, state: State) -> Iterator[str]:
     if state.time is None:
         yield f"the state has no time, which the edge of frame {timed[0]!r} needs; pass time= to tree.state"
         return
+    clock = np.isfinite(np.asarray(state.time.hi)) & np.isfinite(np.asarray(state.time.lo))
+    if not clock.all():
+        yield f"the state's time is not finite{_where(~clock)}"
     codes = tree.coverage(state)
     for name, code in codes.items():
-        code = np.asarray(code)
+        code = np.where(clock, np.asarray(code), 0)
         for side, word in ((-1, "before"), (1, "after")):
             if (code == side).any():
                 yield f"frame {name!r}: the time lies {word} the span of its edge ({tree.edge(name).describe()}){_where(code == side)}"

@@ -5,7 +5,7 @@ from typing import Any
 from jaxframes.tree.check import check
 from jaxframes.tree.state import State
 from jaxframes.tree.structure import Structure
-from jaxframes.tree.text import DumpOptions, explain, format_tree
+from jaxframes.tree.text import DumpOptions, explain, format_tree, path_in_state
 
 
 class Described(Structure):
@@ -20,9 +20,12 @@ class Described(Structure):
         """
         return format_tree(self, options or DumpOptions(), state)
 
-    def explain(self, *, of: str, relative_to: str) -> str:
-        """Return text that says which edges a query between two frames touches, in which direction, and what each needs."""
-        return explain(self, of, relative_to)
+    def explain(self, *, of: str, relative_to: str, state: State | None = None) -> str:
+        """Return text that says which edges a query between two frames touches, in which direction, and what each needs.
+
+        Where attachable frames stand between the two, the path depends on the state: pass one to see its path.
+        """
+        return explain(self, of, relative_to, state)
 
     def describe(self: Any, state: State, *, of: str, relative_to: str) -> dict[str, Any]:
         """Return all read-outs of a pair of frames.
@@ -31,20 +34,23 @@ class Described(Structure):
             ``of``, ``relative_to``, ``path``, ``frames``, ``oriented``, ``edges``, ``supports_accelerations``, ``transform``,
             ``velocity``, ``acceleration`` (None where the chain has none), and the ``parent`` of ``of``.
         """
-        chain = self.chain(of=of, relative_to=relative_to)
-        accelerates = chain.supports_accelerations
+        path = path_in_state(self, state, of, relative_to)
+        frames = [relative_to]
+        for name, direction in path:
+            frames.append(name if direction > 0 else self.parent(name, state))
+        accelerates = all(self.edge(name).supports_accelerations for name, _ in path)
+        names = {"of": of, "relative_to": relative_to}
         return {
-            "of": of,
-            "relative_to": relative_to,
-            "parent": None if of == self.root else self.parent(of),
-            "path": chain.path,
-            "frames": chain.frames,
-            "oriented": chain.oriented,
-            "edges": {name: self.edge(name).describe() for name, _ in chain.path},
+            **names,
+            "parent": None if of == self.root else self.parent(of, state),
+            "path": path,
+            "frames": tuple(frames),
+            "oriented": all(direction > 0 for _, direction in path),
+            "edges": {name: self.edge(name).describe() for name, _ in path},
             "supports_accelerations": accelerates,
-            "transform": chain.transform(state),
-            "velocity": chain.velocity(state),
-            "acceleration": chain.acceleration(state) if accelerates else None,
+            "transform": self.transform(state, **names),
+            "velocity": self.velocity(state, **names),
+            "acceleration": self.acceleration(state, **names) if accelerates else None,
         }
 
     def check(self: Any, state: State) -> tuple[str, ...]:

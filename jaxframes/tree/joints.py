@@ -11,9 +11,12 @@ from jaxframes.errors import EdgeError, ShapeError
 from jaxframes.numerics.boundary import as_float, default_float
 from jaxframes.spatial import Epoch, Motion, Rotation, SpatialAcceleration, SpatialVelocity, Transform
 from jaxframes.tree.edges.attachable import Attachable
+from jaxframes.tree.edges.stored import Movable
 from jaxframes.tree.state import Attachments, State
 from jaxframes.tree.structure import Structure
 from jaxframes.tree.topology import Topology
+
+_PARTS = (Transform, SpatialVelocity, SpatialAcceleration)
 
 ROWS = {"q": (0, 1), "qd": (2, 3), "qdd": (2, 3)}
 """Where an edge's (first, count) stand in ``Topology.coordinates``, for each kind of joint value."""
@@ -45,7 +48,17 @@ def make_state(tree: Structure, q: Any, qd: Any, qdd: Any, time: Any) -> State:
             fields[kind] = _checked(topology, as_float(value), counts[kind], kind)
     held = sum(i >= 0 for i in topology.prescribed)
     clock = None if time is None else Epoch.from_et(time)
-    return State(**fields, time=clock, prescribed=_at_rest(held, dtype), attachments=_first_attachments(tree, dtype))
+    return State(**fields, time=clock, prescribed=_first_motions(tree, held, dtype), attachments=_first_attachments(tree, dtype))
+
+
+def _first_motions(tree: Structure, held: int, dtype: Any) -> Motion:
+    """Return the motions of the prescribed edges at rest, movable ones at their first pose."""
+    motions = _at_rest(held, dtype)
+    for frame, row in enumerate(tree.topology.prescribed):
+        if row >= 0 and isinstance(edge := tree._edge(frame), Movable):
+            put = lambda a, b, row=row, frame=frame: _with_row(a, row, as_float(b).astype(dtype), tree.names[frame])  # noqa: E731
+            motions = motions.replace(transform=jax.tree.map(put, motions.transform, edge.pose))
+    return motions
 
 
 def _first_attachments(tree: Structure, dtype: Any) -> Attachments | None:
@@ -125,6 +138,9 @@ def set_motion(topology: Topology, state: State, name: str, motion: Motion) -> S
             return old
         return jax.tree.map(lambda a, b: _with_row(a, row, as_float(b).astype(a.dtype), name), old, new)
 
+    for part, kind in zip((motion.transform, motion.velocity, motion.acceleration), _PARTS, strict=True):
+        if part is not None and not isinstance(part, kind):
+            raise ShapeError(f"the motion of frame {name!r}: expected a jf.{kind.__name__}, found {type(part).__name__}")
     old = state.attachments.motion if loose and state.attachments is not None else state.prescribed
     changed = Motion(put(old.transform, motion.transform), put(old.velocity, motion.velocity), put(old.acceleration, motion.acceleration))
     if loose and state.attachments is not None:

@@ -15,6 +15,9 @@ Properties = tuple[tuple[str, Any], ...]
 class _Frozen(tuple):
     """A frozen mapping, told apart from a tuple that a user gave."""
 
+    def __repr__(self) -> str:
+        return f"mapping{super().__repr__()}"
+
 
 def freeze(mapping: Mapping[str, Any], owner: str) -> Properties:
     """Return a mapping as hashable pairs.
@@ -44,4 +47,10 @@ def _freeze_value(value: Any, owner: str) -> Any:
 
 def thaw(properties: Properties) -> Mapping[str, Any]:
     """Return frozen pairs as a read-only mapping."""
-    return MappingProxyType({key: thaw(value) if isinstance(value, _Frozen) else value for key, value in properties})
+    return MappingProxyType({key: _thawed(value) for key, value in properties})
+
+
+def _thawed(value: Any) -> Any:
+    if isinstance(value, _Frozen):
+        return thaw(value)
+    return tuple(map(_thawed, value)) if isinstance(value, tuple) else value

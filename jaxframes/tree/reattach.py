@@ -46,6 +46,6 @@ def _moved(tree: Any, edge: Edge, frame: str, to: str, state: State) -> Edge:
     if isinstance(edge, (Fixed, Attachable)):
         return Fixed(tree.transform(state, of=frame, relative_to=to))
     placement = getattr(edge, "placement", None)
-    if placement is None:
+    if not isinstance(placement, Transform):
         raise EdgeError(f"frame {frame!r} hangs on {edge.describe()}, which cannot keep its pose elsewhere; use keep='relative'")
     return edge.replace(placement=tree.transform(state, of=tree.parent(frame), relative_to=to) @ placement)

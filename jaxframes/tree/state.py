@@ -6,12 +6,13 @@ from typing import Any
 import jax
 
 from jaxframes.errors import FrameError, suggest
+from jaxframes.numerics.boundary import as_float
 from jaxframes.spatial import Epoch, Motion
 from jaxframes.spatial.value import tag
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Attachments:
     """What the attachable frames hang on, in order of declaration.
 
@@ -26,7 +27,7 @@ class Attachments:
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class State:
     """What moves: every field is made of leaves, so any subset can be batched, differentiated or replaced.
 
@@ -58,6 +59,9 @@ class State:
         for name in changes:
             if name not in self.__dataclass_fields__ or name == "kind":
                 raise FrameError(f"a state has no field {name!r}.{suggest(name, self.__dataclass_fields__)}")
+        for name in ("q", "qd", "qdd"):
+            if name in changes:
+                changes[name] = as_float(changes[name])
         if changes.get("time") is not None:
             changes["time"] = Epoch.from_et(changes["time"])
         return replace(self, **changes)

@@ -5,14 +5,15 @@ from typing import Any
 
 import jax
 
-from jaxframes.errors import MissingInputError
+from jaxframes.errors import MissingInputError, TopologyError
 from jaxframes.spatial import Motion, SpatialAcceleration, SpatialVelocity, Transform
 from jaxframes.tree import joints
+from jaxframes.tree.edges.mimic import Mimic
+from jaxframes.tree.manifold import Manifold, same_batch
 from jaxframes.tree.state import State
-from jaxframes.tree.structure import Structure
 
 
-class Stateful(Structure):
+class Stateful(Manifold):
     """What a tree can do with states: all pure functions that return a new state."""
 
     @property
@@ -49,9 +50,58 @@ class Stateful(Structure):
         return state.replace(qdd=joints.set_named(self.topology, state.qdd, values, "qdd"))
 
     def get_q(self, state: State, name: str) -> jax.Array:
-        """Return the coordinates [..., k] of a joint (UnknownJointError)."""
-        first, count, _, _ = self.topology.coordinates[self.topology.joint_frames[self.topology.joint(name)]]
+        """Return the coordinates [..., k] of a joint, also of one that follows another (UnknownJointError)."""
+        t = self.topology
+        frame = t.edge_index.get(name, 0)
+        if t.sources and t.sources[frame] >= 0 and isinstance(edge := self._edge(frame), Mimic):
+            followed = self.get_q(state, t.edge_names[t.sources[frame]] or "")[..., edge.coordinate : edge.coordinate + edge.edge.nq]
+            factor, offset, followed = same_batch(edge.multiplier, edge.offset, followed)
+            return factor * followed + offset
+        first, count, _, _ = t.coordinates[t.joint_frames[t.joint(name)]]
         return state.q[..., first : first + count]
+
+    def move_to(self: Any, state: State, name: str, transform: Transform, *, relative_to: str | None = None) -> State:
+        """Return a state in which a movable frame has a pose given in any frame (RobWork's moveTo); at what rate, stays.
+
+        Args:
+            state: The state to start from.
+            name: Child frame of a ``Movable``, ``Prescribed`` or ``Attachable`` edge.
+            transform: Its new pose in ``relative_to``.
+            relative_to: Frame that the pose is given in, by default the root. It must not hang on the frame that moves.
+
+        Raises:
+            UnknownFrameError: A name is not in the tree.
+            EdgeError: The frame's edge is none of these.
+            TopologyError: ``relative_to`` hangs on the frame.
+        """
+        observer = self.root if relative_to is None else relative_to
+        if self.is_ancestor(name, observer):
+            raise TopologyError(f"cannot place {name!r} relative to {observer!r}, which hangs on it and moves along; name another frame")
+        parent_T_observer = self.transform(state, of=observer, relative_to=self.parent(name, state))
+        return self.set_motion(state, name, parent_T_observer @ transform)
+
+    def extract(self, root: str, *, prefix: str = "") -> Any:
+        """Return a frame and all that hangs on it as a tree of its own: the inverse of ``TreeBuilder.include``.
+
+        Extracted copies of one robot have equal topologies (and that of the robot itself), so they share compiled programs.
+
+        Args:
+            root: Frame that becomes the root.
+            prefix: Text taken off the front of every frame and joint name that starts with it.
+
+        Raises:
+            UnknownFrameError: No such frame.
+            UnknownJointError: A joint inside follows one outside.
+        """
+        from jaxframes.tree.extract import extract
+
+        return extract(self, root, prefix)
+
+    def extract_state(self, state: State, root: str) -> State:
+        """Return the part of a state that the tree ``extract(root)`` takes (EdgeError where attachable frames are inside)."""
+        from jaxframes.tree.extract import extract_state
+
+        return extract_state(self, state, root)
 
     def set_motion(
         self,
@@ -65,14 +115,14 @@ class Stateful(Structure):
 
         Args:
             state: The state to start from.
-            name: Child frame of a ``Prescribed`` or ``Attachable`` edge.
+            name: Child frame of a ``Prescribed``, ``Movable`` or ``Attachable`` edge.
             transform: Pose of the frame in its parent.
             velocity: Velocity relative to the parent, in the parent's axes, leaves [..., 3].
             acceleration: Derivative of that velocity's coordinates, leaves [..., 3].
 
         Raises:
             UnknownFrameError: No such frame.
-            EdgeError: The frame's edge is neither.
+            EdgeError: The frame's edge is none of these.
         """
         return joints.set_motion(self.topology, state, name, Motion(transform, velocity, acceleration))  # pyright: ignore[reportArgumentType]
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from jaxframes.errors import TopologyError
+from jaxframes.errors import TopologyError, UnknownJointError, suggest
 from jaxframes.tree import grouping
 from jaxframes.tree.edges.base import Edge
 from jaxframes.tree.properties import thaw
@@ -31,6 +31,17 @@ class Structure:
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints, in the order of their coordinates in ``q``."""
         return self.topology.joint_names
+
+    def joint_of(self, name: str) -> str | None:
+        """Return the name of the edge above a frame: its joint, a fixed joint's too; None where it has none (UnknownFrameError)."""
+        return self.topology.edge_names[self.topology.index(name)]
+
+    def frame_of(self, joint: str) -> str:
+        """Return the frame below a joint, a fixed one or one that follows another too (UnknownJointError)."""
+        found = self.topology.edge_index
+        if joint not in found:
+            raise UnknownJointError(f"the tree has no joint {joint!r}.{suggest(str(joint), found)}")
+        return self.names[found[joint]]
 
     @property
     def nq(self) -> int:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxframes.errors import TopologyError
 from jaxframes.tree.state import State
 
 
@@ -31,11 +32,12 @@ def format_tree(tree: Any, options: DumpOptions, state: State | None) -> str:
     """Return the tree as text."""
     topology = tree.topology
     wrong = tree.check(state) if options.health and state is not None else ()
+    place = {name: i for i, name in enumerate(topology.names)}
     lines, ahead = [], [(0, "", "")]
     while ahead:
         frame, lead, indent = ahead.pop()
         lines.append(lead + _line(tree, frame, options, state, wrong))
-        children = topology.children[frame]
+        children = [place[name] for name in tree.children(topology.names[frame], state)]
         for position, child in reversed(list(enumerate(children))):
             last = position == len(children) - 1
             ahead.append((child, indent + ("└── " if last else "├── "), indent + ("    " if last else "│   ")))
@@ -64,8 +66,7 @@ def _line(tree: Any, frame: int, options: DumpOptions, state: State | None, wron
 
 
 def _joint_name(tree: Any, frame: int) -> str | None:
-    frames = tree.topology.joint_frames
-    return tree.topology.joint_names[frames.index(frame)] if frame in frames else None
+    return tree.topology.edge_names[frame]
 
 
 def _joint_text(tree: Any, frame: int) -> str:
@@ -74,7 +75,7 @@ def _joint_text(tree: Any, frame: int) -> str:
 
 
 def _pose_text(tree: Any, state: State, name: str) -> str:
-    pose = tree.transform(state, of=name, relative_to=tree.parent(name))
+    pose = tree.transform(state, of=name, relative_to=tree.parent(name, state))
     if pose.translation.ndim != 1:
         return f"batch {pose.translation.shape[:-1]}"
     w, x, y, z = np.asarray(pose.rotation.wxyz)
@@ -82,16 +83,48 @@ def _pose_text(tree: Any, state: State, name: str) -> str:
     return f"at ({px:.6g}, {py:.6g}, {pz:.6g}) m, wxyz ({w:.4f}, {x:.4f}, {y:.4f}, {z:.4f})"
 
 
-def explain(tree: Any, of: str, relative_to: str) -> str:
+def path_in_state(tree: Any, state: State | None, of: str, relative_to: str) -> tuple[tuple[str, int], ...]:
+    """Return the path between two frames as attachable frames hang in a state: (edge, +1 down or -1 up) from ``relative_to``."""
+
+    def line(name: str) -> list[str]:
+        names = [name]
+        while names[-1] != tree.root:
+            names.append(tree.parent(names[-1], state))
+            if len(names) > len(tree.names):
+                raise TopologyError(
+                    f"frame {name!r} hangs on a cycle in this state: {' -> '.join(names[:6])} ...; tree.check(state) says where"
+                )
+        return names
+
+    up, down = line(relative_to), line(of)
+    while up and down and up[-1] == down[-1]:
+        up.pop()
+        down.pop()
+    return (*((name, -1) for name in up), *((name, 1) for name in reversed(down)))
+
+
+def explain(tree: Any, of: str, relative_to: str, state: State | None) -> str:
     """Return text about the path of a query."""
-    path = tree.path(of=of, relative_to=relative_to)
-    meet = tree.common_ancestor(of, relative_to)
+    topology = tree.topology
+    if topology.islands[topology.index(of)] != topology.islands[topology.index(relative_to)] and state is None:
+        loose = [tree.names[i] for i in dict.fromkeys(topology.islands[topology.index(n)] for n in (relative_to, of)) if i]
+        where = "; ".join(f"{name!r} [{tree.edge(name).describe()}], declared on {tree.parent(name)!r}" for name in loose)
+        return f"{relative_to} -> {of}: the path is data in the state (links composed by pointer doubling): {where}"
+    path = path_in_state(tree, state, of, relative_to)
+    up = [name for name, direction in path if direction < 0]
+    meet = tree.parent(up[-1], state) if up else relative_to
     head = f"{relative_to} -> {of}: {len(path)} edges through their common ancestor {meet!r}, composed one after another (unrolled)"
     rows = []
     for name, direction in path:
         edge = tree.edge(name)
-        needs = [f"q[{edge.nq}]"] * bool(edge.nq) + ["time"] * edge.needs_time + ["prescribed motion"] * edge.is_prescribed
-        arrow = f"{tree.parent(name)} -> {name}" if direction > 0 else f"{name} -> {tree.parent(name)}"
+        needs = (
+            [f"q[{edge.nq}]"] * bool(edge.nq)
+            + [f"q of {edge.follows}"] * bool(edge.follows)
+            + ["time"] * edge.needs_time
+            + ["prescribed motion"] * edge.is_prescribed
+        )
+        above = tree.parent(name, state)
+        arrow = f"{above} -> {name}" if direction > 0 else f"{name} -> {above}"
         without = "" if edge.supports_accelerations else "; no accelerations"
         rows.append(f"  {direction:+d}  {arrow}  [{edge.describe()}; needs {', '.join(needs) or 'nothing'}{without}]")
     return "\n".join([head, *rows])

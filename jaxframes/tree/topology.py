@@ -23,7 +23,9 @@ class Topology:
         stacked: Whether the parameters of each group have a leading axis over its edges.
         locations: (group, row) of each frame's edge; (-1, -1) for the root.
         coordinates: (first q, nq, first qd, nv) of each frame's edge.
-        joint_names: Name of the joint of each edge that has coordinates, in order of declaration.
+        edge_names: Name of each frame's edge (a joint's name), or None; a name space of its own.
+        sources: For each frame, the frame whose edge has the coordinates that its own edge follows, or -1.
+        joint_names: Name of the joint of each edge that has coordinates, in the order of its coordinates.
         joint_frames: Index of the child frame of each of these joints.
         prescribed: Index in the state's prescribed motions of each frame's edge, or -1.
         attachables: Frames whose parent is data; ``parents`` holds the one each starts on.
@@ -45,11 +47,14 @@ class Topology:
     candidates: tuple[tuple[int, ...], ...] = ()
     neutral: tuple[float, ...] = ()
     properties: tuple[tuple[str, Any], ...] = ()
+    edge_names: tuple[str | None, ...] = ()
+    sources: tuple[int, ...] = ()
 
     @functools.cached_property
     def _digest(self) -> bytes:
         parts = (self.names, self.parents, self.stacked, self.locations, self.coordinates, self.joint_names, self.prescribed)
-        return hashlib.blake2b(repr((parts, self.attachables, self.candidates, self.neutral, self.properties)).encode()).digest()
+        more = (self.attachables, self.candidates, self.neutral, self.properties, self.edge_names, self.sources, self.joint_frames)
+        return hashlib.blake2b(repr((parts, more)).encode()).digest()
 
     @functools.cached_property
     def _hash(self) -> int:
@@ -102,6 +107,11 @@ class Topology:
         """Index of each joint by name."""
         return {name: i for i, name in enumerate(self.joint_names)}
 
+    @functools.cached_property
+    def edge_index(self) -> dict[str, int]:
+        """Index of the frame below each edge that has a name, by that name."""
+        return {name: i for i, name in enumerate(self.edge_names) if name is not None}
+
     @property
     def nq(self) -> int:
         """Number of stored coordinates of all joints."""
@@ -133,6 +143,11 @@ class Topology:
         try:
             return self.joint_index[name]
         except (KeyError, TypeError):
+            frame = self.edge_index.get(name, 0) if isinstance(name, str) else 0
+            if frame and self.sources[frame] >= 0:
+                raise UnknownJointError(f"joint {name!r} follows {self.edge_names[self.sources[frame]]!r}; set that one") from None
+            if frame:
+                raise UnknownJointError(f"joint {name!r} is fixed: it has no coordinates") from None
             raise UnknownJointError(f"the tree has no joint {name!r}.{suggest(str(name), self.joint_names)}") from None
 
     def ancestors(self, frame: int) -> Iterator[int]:

@@ -5,9 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import jax
-import jax.numpy as jnp
 
-from jaxframes.errors import EdgeError
+from jaxframes.errors import EdgeError, ShapeError
 from jaxframes.spatial import Motion, SpatialAcceleration, SpatialVelocity, Transform, Twist, Wrench
 from jaxframes.tree import grouping
 from jaxframes.tree.attaching import Attaching
@@ -48,6 +47,8 @@ class FrameTree(Described, Attaching):
         """
         t, frame = self.topology, self.topology.index(name)
         old = self.edge(name)
+        if not isinstance(edge, Edge):
+            raise EdgeError(f"frame {name!r}: expected an edge, found {type(edge).__name__}")
         location = t.locations[frame]
         fresh = grouping.with_edge(self.parameters, t.groups, location, t.stacked[location[0]], edge)
         if fresh is None:
@@ -56,8 +57,8 @@ class FrameTree(Described, Attaching):
 
     def astype(self, dtype: Any) -> "FrameTree":
         """Return the tree with its float numbers converted, e.g. to compute in float32."""
-        convert = lambda leaf: leaf.astype(dtype) if jnp.issubdtype(leaf.dtype, jnp.floating) else leaf  # noqa: E731
-        return jax.tree.map(convert, self)
+        groups = (jax.tree.unflatten(made, leaves) for made, leaves in zip(self.topology.groups, self.parameters, strict=True))
+        return FrameTree(tuple(tuple(jax.tree.leaves(edge.astype(dtype))) for edge in groups), self.topology)
 
     # --- queries ------------------------------------------------------------------------------------------------------------
 
@@ -156,6 +157,10 @@ class FrameTree(Described, Attaching):
 
     def transforms_between(self, state: State, *, of: Sequence[str], relative_to: Sequence[str]) -> Transform:
         """Return the poses of several frames in several others: leaves [..., len(relative_to), len(of), 4 or 3]."""
+        if isinstance(of, str) or isinstance(relative_to, str) or not of or not relative_to:
+            raise ShapeError(
+                f"transforms_between takes lists of frame names that are not empty, found of={of!r}, relative_to={relative_to!r}"
+            )
         index = self.topology.index
         return engine().pairs(self, state, of=tuple(map(index, of)), relative_to=tuple(map(index, relative_to)))
 

@@ -28,7 +28,7 @@ def base():
         (lambda b: b.add("world", parent="hand", edge=jf.edges.Fixed()), errors.TopologyError, ["'world'", "'hand'", "cycle"]),
         (lambda b: b.add("", parent="hand", edge=jf.edges.Fixed()), errors.EdgeError, ["empty"]),
         (lambda b: b.add("x", parent="hand", edge=np.eye(4)), errors.EdgeError, ["'x'", "ndarray", "jf.edges"]),
-        (lambda b: b.add("x", parent="hand", edge=jf.edges.Fixed(), joint="j"), errors.EdgeError, ["'x'", "'j'", "no coordinates"]),
+        (lambda b: b.add("x", parent="hand", edge=jf.edges.Fixed(), joint="grip"), errors.DuplicateNameError, ["'grip'", "'hand'"]),
         (lambda b: b.add("x", parent="hand", edge=jf.edges.Revolute(), joint="grip"), errors.DuplicateNameError, ["'grip'", "'hand'"]),
         (lambda b: b.add("x", parent="hand", edge=jf.edges.Fixed(), properties={"f": open}), errors.EdgeError, ["'f'", "'x'"]),
         (lambda b: b.remove("wrold"), errors.UnknownFrameError, ["'wrold'", "'world'"]),

@@ -1,0 +1,138 @@
+"""Joints that follow others: values, rates, Jacobians, chains of them, and what is refused."""
+
+import jax
+import numpy as np
+import pytest
+
+import jaxframes as jf
+from jaxframes import errors
+
+E = jf.edges
+PLACE = jf.Transform.from_translation((0.1, -0.2, 0.3))
+
+
+def hand(mimic=True):
+    """A chain in which every second joint follows: in a tree of its own coordinates the same places need other numbers."""
+    b = jf.TreeBuilder(root="palm")
+    b.add("a", parent="palm", edge=E.Universal(PLACE), joint="drive")
+    follow = lambda *args, **more: E.Mimic(*args, **more) if mimic else args[1]
+    b.add("b", parent="a", edge=follow("drive", E.Revolute((0, 1, 1), PLACE), multiplier=-1.5, offset=0.2, coordinate=1))
+    b.add("c", parent="b", edge=follow("b", E.Prismatic((1, 0, 0), PLACE), multiplier=0.5, offset=-0.1))
+    b.add("d", parent="c", edge=follow("drive", E.Universal(PLACE, axes=((0, 0, 1), (1, 0, 0))), multiplier=2.0))
+    b.add("e", parent="d", edge=E.Revolute((0, 0, 1), PLACE))
+    return b.build()
+
+
+def test_followers_move_like_joints_with_the_same_values(rng, dtype):
+    tree, free = hand(), hand(mimic=False)
+    assert tree.joint_names == ("drive", "e")
+    (q, qd, qdd), spread = rng.normal(size=(3, 3)).astype(dtype), np.zeros((7, 3), dtype)
+    for row, (source, factor) in enumerate(((0, 1), (1, 1), (1, -1.5), (1, -0.75), (0, 2), (1, 2), (2, 1))):
+        spread[row, source] = factor
+    constant = np.array([0, 0, 0.2, 0, 0, 0, 0], dtype)  # the third follows the second: 0.5 * 0.2 - 0.1 = 0
+    mine = tree.state(q=q, qd=qd, qdd=qdd)
+    other = free.state(q=spread @ q + constant, qd=spread @ qd, qdd=spread @ qdd)
+    names = {"of": "e", "relative_to": "palm"}
+    bound = 1e-12 if dtype == np.float64 else 3e-5
+    a, b = tree.motion(mine, **names), free.motion(other, **names)
+    for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
+        np.testing.assert_allclose(x, y, atol=bound * max(1.0, float(np.abs(y).max())))
+    np.testing.assert_allclose(tree.jacobian(mine, **names), free.jacobian(other, **names) @ spread, atol=bound * 4)
+    np.testing.assert_allclose(tree.get_q(mine, "c"), [-0.75 * q[1]], atol=bound)
+    np.testing.assert_allclose(tree.get_q(mine, "d"), 2 * q[:2], atol=bound)
+
+
+def test_multipliers_and_offsets_are_parameters_to_differentiate(dtype):
+    tree = hand()
+    state = tree.state(q=np.array([0.1, 0.2, 0.3], dtype))
+    tip = lambda tree: tree.transform(state, of="e", relative_to="palm").translation[0]
+    gradient = jax.jit(jax.grad(tip))(tree).edge("b")
+    h = 1e-3
+    for field in ("multiplier", "offset"):
+        edge = tree.edge("b")
+        ends = [tip(tree.with_edge("b", edge.replace(**{field: getattr(edge, field) + s * h}))) for s in (1, -1)]
+        np.testing.assert_allclose(getattr(gradient, field)[0], (ends[0] - ends[1]) / (2 * h), atol=1e-6 if dtype == np.float64 else 1e-3)
+
+
+def test_names_inside_followers_get_the_prefix():
+    b = jf.TreeBuilder(root="site")
+    b.include(hand(), parent="site", prefix="l/")
+    b.include(hand(), parent="site", prefix="r/")
+    both = b.build()
+    assert both.joint_names == ("l/drive", "l/e", "r/drive", "r/e")
+    assert both.edge("r/b").joint == "r/drive"
+    assert both.extract("r/palm", prefix="r/").topology == hand().topology
+    state = both.state(q={"r/drive": [0.3, 0.4]})
+    alone = both.extract_state(state, "r/palm")
+    np.testing.assert_array_equal(alone.q, state.q[3:])
+    assert jf.from_json(jf.to_json(both)).topology == both.topology
+    assert both.rebuild().build().topology == both.topology
+    assert "follows r/drive" in str(both)
+
+
+def test_moving_a_subtree_keeps_followers_and_the_order_of_coordinates(tol):
+    tree = hand()
+    state = tree.state(q=[0.1, 0.2, 0.3])
+    moved = tree.reattached("c", "a", state, keep="world")
+    assert moved.joint_names == tree.joint_names
+    for name in ("c", "e"):
+        here, there = (t.transform(t.state(q=[0.1, 0.2, 0.3]), of=name, relative_to="palm").to_matrix() for t in (tree, moved))
+        np.testing.assert_allclose(here, there, atol=20 * tol)
+
+
+def ring(*pairs):
+    b = jf.TreeBuilder()
+    for name, source in pairs:
+        b.add(name, parent="world", edge=E.Mimic(source, E.Revolute()))
+    return b.build()
+
+
+def below(edge, follower):
+    b = jf.TreeBuilder()
+    b.add("x", parent="world", edge=edge)
+    b.add("y", parent="x", edge=follower)
+    return b.build()
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "words"),
+    [
+        (lambda: ring(("a", "a")), errors.TopologyError, ["'a'", "a -> a"]),
+        (lambda: ring(("a", "b"), ("b", "c"), ("c", "a")), errors.TopologyError, ["a -> b -> c -> a"]),
+        (lambda: ring(("a", "b"), ("b", "c"), ("c", "b")), errors.TopologyError, ["b -> c -> b"]),
+        (lambda: ring(("a", "b")), errors.UnknownJointError, ["'a'", "'b'"]),
+        (lambda: below(E.Fixed(), E.Mimic("x", E.Revolute())), errors.UnknownJointError, ["'x'"]),
+        (lambda: below(E.Ball(), E.Mimic("x", E.Revolute())), errors.EdgeError, ["'y'", "ball", "quaternion"]),
+        (lambda: below(E.Revolute(), E.Mimic("x", E.Revolute(), coordinate=1)), errors.EdgeError, ["coordinate 1", "'x'"]),
+        (lambda: below(E.Revolute(), E.Mimic("x", E.Universal())), errors.EdgeError, ["'x'", "has 1"]),
+        (lambda: E.Mimic("x", E.Ball()), errors.EdgeError, ["ball", "quaternion"]),
+        (lambda: E.Mimic("x", E.Fixed()), errors.EdgeError, ["no coordinates"]),
+        (lambda: E.Mimic("x", E.Mimic("y", E.Revolute())), errors.EdgeError, ["on its own"]),
+        (lambda: E.Mimic("", E.Revolute()), errors.EdgeError, ["name of the joint"]),
+        (lambda: E.Mimic("x", E.Revolute(), multiplier=np.nan), errors.EdgeError, ["multiplier", "finite"]),
+        (lambda: E.Virtual(0), errors.EdgeError, ["1 or more"]),
+        (lambda: E.Universal(axes=((1, 0, 0),)), errors.EdgeError, ["2 axes"]),
+        (lambda: E.Universal(axes=((1, 0, 0), (0, 0, 0))), errors.EdgeError, ["zero"]),
+        (lambda: E.Universal(limits=((0, 1), (1, 0))), errors.EdgeError, ["reversed"]),
+        (lambda: E.Screw(pitch="x"), errors.EdgeError, ["pitch"]),
+        (lambda: E.Revolute(velocity_limits=-1.0), errors.EdgeError, ["negative"]),
+        (lambda: E.Revolute(placement=np.eye(4)), errors.EdgeError, ["Transform"]),
+        (lambda: E.Planar(active=1), errors.EdgeError, ["True or False"]),
+    ],
+)
+def test_refusals(make, error, words):
+    with pytest.raises(error) as caught:
+        make()
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_setting_a_follower_names_the_joint_to_set():
+    tree = hand()
+    with pytest.raises(errors.UnknownJointError, match="'b' follows 'drive'"):
+        tree.set_q(tree.state(), {"b": 1.0})
+    with pytest.raises(errors.UnknownJointError, match="'drive'"):
+        tree.frame_of("drve")
+    assert tree.frame_of("drive") == "a"
+    assert tree.joint_of("c") == "c"
+    assert tree.joint_of("palm") is None
