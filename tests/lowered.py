@@ -7,9 +7,9 @@ import jax
 DOT = re.compile(r"stablehlo\.(dot_general|dot|convolution)\b[^\n]*")
 
 
-def products(function, *arguments):
+def products(function, *arguments, platforms=("cpu", "cuda")):
     """Return the text of every matrix product in the lowered program of a function."""
-    text = jax.jit(function).trace(*arguments).lower(lowering_platforms=("cpu", "cuda")).as_text()
+    text = jax.jit(function).trace(*arguments).lower(lowering_platforms=platforms).as_text()
     return [match.group(0) for match in DOT.finditer(text)]
 
 

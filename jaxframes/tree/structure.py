@@ -12,7 +12,11 @@ from jaxframes.tree.topology import Topology
 
 
 class Structure:
-    """What a tree can say of itself without a state. Every name that is not in the tree is an UnknownFrameError."""
+    """What a tree can say of itself without a state. Every name that is not in the tree is an UnknownFrameError.
+
+    Attachable frames count as hanging on the parent that they were declared on; ``path`` and ``common_ancestor`` refuse to
+    cross them, because what they hang on is data in a state.
+    """
 
     parameters: grouping.Parameters
     topology: Topology

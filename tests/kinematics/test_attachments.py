@@ -234,11 +234,12 @@ def test_a_batch_of_random_graphs_equals_the_loop_and_cycles_spoil_only_their_ow
     def ask(q, parents):
         state = base.replace(q=q, attachments=jf.Attachments(parents, base.attachments.motion))
         poses = tree.transforms_between(state, of=[f"tip{i}" for i in range(count)], relative_to=["world"])
-        return poses.translation[0], tree.attachments_valid(state)
+        return poses.to_matrix()[0, :, :3], tree.attachments_valid(state)
 
     batch, valid = jax.jit(jax.vmap(ask))(q, jnp.asarray(parents))
     one = jax.jit(ask)
-    np.testing.assert_array_equal(np.isnan(batch).any(-1), bad)
+    batch = np.asarray(batch)
+    np.testing.assert_array_equal(np.isnan(batch).any((-1, -2)), bad)
     np.testing.assert_array_equal(valid, ~bad.any(-1))
     local = np.asarray(base.attachments.motion.transform.to_matrix(), np.float64)
     axis = np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0)
@@ -246,10 +247,10 @@ def test_a_batch_of_random_graphs_equals_the_loop_and_cycles_spoil_only_their_ow
     tip = np.eye(4)
     tip[:3, 3] = 0.1, 0.2, 0.3
     names = tree.names
-    for r in range(0, rows, 37):
-        single, flag = one(q[r], jnp.asarray(parents[r]))
-        np.testing.assert_allclose(single, batch[r], atol=50 * tol)
-        assert bool(flag) == bool(valid[r])
+    looped = [jax.device_get(one(q[r], parents[r])) for r in range(rows)]
+    np.testing.assert_allclose(np.stack([pose for pose, _ in looped]), batch, atol=50 * tol)
+    np.testing.assert_array_equal([flag for _, flag in looped], valid)
+    for r in range(0, rows, 17):
         turn = np.eye(4)
         angle = float(q[r, 0])
         turn[:3, :3] += np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
@@ -264,7 +265,7 @@ def test_a_batch_of_random_graphs_equals_the_loop_and_cycles_spoil_only_their_ow
 
         for i in range(count):
             if not bad[r, i]:
-                np.testing.assert_allclose(batch[r, i], world(f"tip{i}")[:3, 3], atol=100 * tol)
+                np.testing.assert_allclose(batch[r, i], world(f"tip{i}")[:3], atol=100 * tol)
 
 
 def test_queries_agree_with_the_equivalent_static_tree(dtype, tol):
@@ -317,11 +318,10 @@ def test_gradient_through_fifty_steps_of_pick_and_place(rng, dtype):
     final = jax.jit(lambda qs: jnp.sum(pick_and_place(tree, qs, switches)[1][-1] * jnp.asarray([1.0, -2.0, 0.5], dtype)))
     gradient = np.asarray(jax.jit(jax.grad(final))(qs))
     assert np.isfinite(gradient).all()
-    moving = [9, 10, 34, 35]  # before the grasp, at it, before the release, at it
     assert np.abs(gradient[10]).max() > 1e-2  # the joints at the grasp and at the release decide where the box ends
     assert np.abs(gradient[35]).max() > 1e-2 or np.abs(gradient[34]).max() > 1e-2
     if dtype == np.float64:
-        for i in moving:
+        for i in range(steps):
             for j in range(2):
                 h = 1e-6
                 change = float(final(qs.at[i, j].add(h)) - final(qs.at[i, j].add(-h))) / (2 * h)

@@ -21,7 +21,8 @@ class Attachable(Edge):
     Attributes:
         pose: Pose in the parent that it starts with.
         candidates: Names of the frames that may ever be its parent; None for all frames that do not always hang on it. A query
-            works out only the poses of candidates, so naming a few makes it cheaper, and precise where the root is far away.
+            works out the poses of all candidates and selects one, so naming a few makes it cheaper. A candidate whose pose is
+            not finite (outside a table's span, say) leaves values that do not hang on it alone, but makes their gradients NaN.
     """
 
     is_attachable: ClassVar[bool] = True
