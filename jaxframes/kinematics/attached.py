@@ -28,8 +28,8 @@ UNROLLED = 12
 class Islands:
     """The islands that a query may touch, each one's root placed in the anchor: a frame that all of them are reached from.
 
-    The anchor is a frame near to what is asked for: one of the frames themselves, or the frame that one of them is declared
-    on. Paths to the candidates start there and go through common ancestors, so a distant root does not enter.
+    The anchor is a frame near to what is asked for: the first of the frames itself, or the frame that it is declared on. Paths to
+    the candidates start there and go through common ancestors, so a distant root does not enter.
 
     Motions may be wrong where a link is not valid (a cycle, a parent that is no candidate): ``spoil`` makes them NaN. It comes
     last, so that an invalid link spoils nothing that does not depend on it, in value and gradient.
@@ -47,7 +47,7 @@ class Islands:
                 ahead.extend(topology.candidates[self._rows[island]])
             wanted[island].add(frame)
         self.links = tuple(island for island in wanted if island)
-        self.anchor = _near(context, frames)
+        self.anchor = _near(context, frames[0])
         self._inside = {island: self._walk(island, needed, frames) for island, needed in wanted.items() if needed}
         self._place()
 
@@ -133,7 +133,9 @@ class Islands:
 
 def between(context: Context, of: int, relative_to: int) -> Rigid:
     """Return the motion of ``of`` as ``relative_to`` sees it, when attachable frames stand between them."""
-    return Islands(context, (relative_to, of)).between(of, relative_to)
+    home = context.topology.islands
+    first, second = (of, relative_to) if home[relative_to] and not home[of] else (relative_to, of)
+    return Islands(context, (first, second)).between(of, relative_to)
 
 
 def all_frames(context: Context, relative_to: int) -> dict[int, Rigid]:
@@ -149,17 +151,12 @@ def is_one_of(frame: jax.Array, candidates: tuple[int, ...]) -> jax.Array:
     return _choose(frame, [(c, True) for c in candidates], False)
 
 
-def _near(context: Context, frames: tuple[int, ...]) -> int:
-    """Return a frame of the root's island near to those asked for: the first of them there, or what the first is declared on."""
+def _near(context: Context, frame: int) -> int:
+    """Return the frame of the root's island nearest to one: itself, or what it is declared on, link by link."""
     topology = context.topology
-    for frame in frames:
-        if topology.islands[frame] == 0:
-            return frame
-    for frame in frames:
-        declared = topology.parents[topology.islands[frame]]
-        if topology.islands[declared] == 0:
-            return declared
-    return 0
+    while topology.islands[frame] != 0:
+        frame = topology.parents[topology.islands[frame]]
+    return frame
 
 
 def _choose(key: jax.Array, options: list[tuple[int, Any]], otherwise: Any = None) -> jax.Array:
