@@ -86,7 +86,7 @@ def test_utc_agrees_with_cspice(rng):
     kernel = str(jf.spice.find_kernels("leapseconds")[0])
     texts = ["1972-01-01", "2016-12-31T23:59:60.5", "2017-01-01T00:00:00", "2026-03-01T00:00:00.125", "1998-12-31T23:59:60"]
     for _ in range(200):
-        day = np.datetime64("1972-01-01") + int(rng.integers(0, 20000))
+        day = np.datetime64("1972-01-01") + np.timedelta64(int(rng.integers(0, 20000)), "D")
         texts.append(f"{day}T{rng.integers(24):02d}:{rng.integers(60):02d}:{rng.integers(60):02d}.{rng.integers(1000):03d}")
     spiceypy.furnsh(kernel)
     try:
