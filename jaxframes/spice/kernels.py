@@ -7,7 +7,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
-import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import (
@@ -19,20 +18,17 @@ from jaxframes.errors import (
     UnknownBodyError,
     suggest,
 )
-from jaxframes.numerics.boundary import default_float
-from jaxframes.spice import build
+from jaxframes.spice import build, orient
 from jaxframes.spice.hashes import sha256
 from jaxframes.spice.info import Info, Source, decimal
 from jaxframes.spice.legs import to_leg
-from jaxframes.spice.paths import orientation_pieces, translation_legs
+from jaxframes.spice.paths import translation_legs
 from jaxframes.spice.process import CspiceError, KernelProcess
 from jaxframes.spice.segments import Piece, Segment, coverage, read_records
 from jaxframes.spice.tables import OrientationTable, TranslationTable
 from jaxframes.spice.times import Instant, exact_seconds, pairs, reference_day, span_text
 
 SOLAR_SYSTEM_BARYCENTER = ("SSB", "SOLAR SYSTEM BARYCENTER", "SOLAR_SYSTEM_BARYCENTER")
-INERTIAL, BINARY_PCK = 1, 2
-CLASSES = {1: "inertial", 2: "PCK", 3: "CK", 4: "fixed offset (TK)", 5: "dynamic", 6: "switch"}
 
 T = TypeVar("T", TranslationTable, OrientationTable)
 
@@ -155,22 +151,7 @@ class Kernels:
             CoverageError: If the kernels do not cover the span.
         """
         of, base = self._axes(frame), self._inertial(relative_to, "relative_to")
-        if of["class"] != BINARY_PCK:
-            kind = CLASSES.get(of["class"], "?")
-            remedy = "use jf.edges.Fixed with a constant rotation" if of["class"] in (1, 4) else "no table can be made of it yet"
-            raise NoPathError(f"{of['name']} is a frame of class {of['class']} ({kind}), not one oriented by a binary PCK: {remedy}.")
-        bounds = self._span(start, stop, "PCK", (of["class_id"],))
-        pieces = orientation_pieces(of["class_id"], of["name"], self._segments, *bounds)
-        bases = {piece.segment.frame for piece in pieces}
-        if len(bases) > 1:
-            raise NoPathError(
-                f"The segments of {of['name']} are relative to different frames {sorted(bases)} over this span: make one table for each."
-            )
-        rotation = self._rotation(pieces[0].segment, base["name"])
-        leg, _ = self._join([(piece, None) for piece in pieces], 1, bounds[0])
-        names = (of["name"], of["id"], base["name"], base["id"], base["name"])
-        placement = jnp.asarray(_quaternion(np.eye(3) if rotation is None else rotation), default_float())
-        return self._table(OrientationTable, "orientation", names, bounds, [build.unwound(leg)], pieces, placement=placement)
+        return orient.orientation(self, orient.Request(of, base, start, stop))
 
     def states(self, *, target: str | int, center: str | int, times: Any, frame: str = "J2000") -> tuple[np.ndarray, np.ndarray]:
         """Return what CSPICE itself says (``spkez``, geometric): positions [n, 3] in m and velocities [n, 3] in m/s.
@@ -234,7 +215,7 @@ class Kernels:
     def _rotation(self, segment: Segment, axes: str) -> np.ndarray | None:
         """Return the matrix from a segment's own inertial frame to another, None where they are the same."""
         own = self._process.call("frame", str(segment.frame), doing=f"looking up frame {segment.frame}")
-        if own is None or own["class"] != INERTIAL:
+        if own is None or own["class"] != orient.INERTIAL:
             label = "unknown to the kernels loaded" if own is None else f"{own['name']}, which turns"
             raise NoPathError(f"{segment.describe()} is relative to frame {segment.frame}, {label}: only inertial frames are extracted.")
         if own["name"] == axes:
@@ -279,27 +260,13 @@ class Kernels:
 
     def _inertial(self, frame: str, role: str) -> dict[str, Any]:
         found = self._axes(frame)
-        if found["class"] != INERTIAL:
+        if found["class"] != orient.INERTIAL:
+            kind = orient.CLASSES.get(found["class"], "?")
             raise NoPathError(
-                f"{role} = {frame!r} is a {CLASSES.get(found['class'], '?')} frame, which turns; tables have inertial axes, as 'J2000'. "
+                f"{role} = {frame!r} is a {kind} frame, which turns; tables have inertial axes, as 'J2000'. "
                 f"Add the orientation as an edge of its own: kernels.orientation(frame={frame!r}, relative_to='J2000')."
             )
         return found
-
-
-def _quaternion(matrix: np.ndarray) -> np.ndarray:
-    """Return the unit quaternion wxyz of a rotation matrix: the eigenvector of Bar-Itzhack's 4x4 form (2000)."""
-    m = matrix
-    form = np.array(
-        [
-            [m[0, 0] + m[1, 1] + m[2, 2], m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]],
-            [m[2, 1] - m[1, 2], m[0, 0] - m[1, 1] - m[2, 2], m[0, 1] + m[1, 0], m[0, 2] + m[2, 0]],
-            [m[0, 2] - m[2, 0], m[0, 1] + m[1, 0], m[1, 1] - m[0, 0] - m[2, 2], m[1, 2] + m[2, 1]],
-            [m[1, 0] - m[0, 1], m[0, 2] + m[2, 0], m[1, 2] + m[2, 1], m[2, 2] - m[0, 0] - m[1, 1]],
-        ]
-    )
-    vector = np.linalg.eigh(form)[1][:, -1]
-    return vector if vector[np.argmax(np.abs(vector))] > 0 else -vector
 
 
 def _is_text_kernel(file: Path) -> bool:
