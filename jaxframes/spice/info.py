@@ -20,13 +20,13 @@ class Info:
     """Static facts about a table; hashable, and plain enough to be written as JSON.
 
     Attributes:
-        kind: ``"translation"`` or ``"orientation"``.
+        kind: ``"translation"``, ``"orientation"`` or ``"iau"``.
         of: Name of the target body, or of the frame that is oriented.
         of_id: Its SPICE id.
         relative_to: Name of the centre body, or of the base frame.
         relative_id: Its SPICE id.
         axes: Name of the inertial frame in whose axes the values are.
-        start: Start of the coverage: exact seconds past J2000 TDB as text.
+        start: Start of the coverage: exact seconds past J2000 TDB as text; empty where there is no end.
         stop: End of the coverage, likewise.
         reference: The epoch that the records' times count from, likewise.
         sources: The kernels whose numbers are in the table, then those that named things or placed frames.
@@ -50,6 +50,8 @@ class Info:
     @property
     def coverage(self) -> str:
         """The coverage as text."""
+        if not self.start:
+            return "every instant"
         return span_text(Fraction(self.start), Fraction(self.stop))
 
     def to_json(self) -> dict[str, Any]:

@@ -134,24 +134,28 @@ class Kernels:
         names = (self._name(of), of, self._name(relative), relative, axes["name"])
         return self._table(TranslationTable, "translation", names, bounds, combined, used)
 
-    def orientation(
-        self, *, frame: str, relative_to: str = "J2000", start: Instant | None = None, stop: Instant | None = None
-    ) -> OrientationTable:
-        """Return the edge that carries a body-fixed frame's orientation from a binary PCK, by extraction of the records: exact.
+    def orientation(self, *, frame: str, relative_to: str = "J2000", start: Instant | None = None, stop: Instant | None = None) -> Any:
+        """Return the edge that carries a frame's orientation.
+
+        A binary PCK is extracted record by record, a text PCK becomes its analytic model (exact, at every instant: ``start`` and
+        ``stop`` are not used), and frames that do not turn against each other become ``jf.edges.Fixed``: inertial ones, and those
+        given by fixed offsets (TK) from a common frame.
 
         Args:
-            frame: The body-fixed frame, e.g. ``"ITRF93"``.
-            relative_to: Inertial frame that the parent has the axes of.
+            frame: The frame, e.g. ``"ITRF93"``, ``"IAU_MARS"``, ``"ECLIPJ2000"``.
+            relative_to: Frame that the parent has the axes of: inertial, or one that ``frame`` is fixed to.
             start: Start of the coverage, as in ``translation``.
             stop: End of the coverage.
 
+        Returns:
+            An ``OrientationTable``, an ``IauOrientation`` or a ``Fixed``, by what the frame is.
+
         Raises:
             UnknownAxesError: If a frame is unknown.
-            NoPathError: If no binary PCK segment orients the frame, or ``relative_to`` turns.
+            NoPathError: If no data orients the frame, or ``relative_to`` turns against it.
             CoverageError: If the kernels do not cover the span.
         """
-        of, base = self._axes(frame), self._inertial(relative_to, "relative_to")
-        return orient.orientation(self, orient.Request(of, base, start, stop))
+        return orient.orientation(self, orient.Request(self._axes(frame), self._axes(relative_to), start, stop))
 
     def states(self, *, target: str | int, center: str | int, times: Any, frame: str = "J2000") -> tuple[np.ndarray, np.ndarray]:
         """Return what CSPICE itself says (``spkez``, geometric): positions [n, 3] in m and velocities [n, 3] in m/s.

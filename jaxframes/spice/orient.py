@@ -9,11 +9,15 @@ import numpy as np
 
 from jaxframes.errors import NoPathError
 from jaxframes.numerics.boundary import default_float
+from jaxframes.spatial import Rotation, Transform
 from jaxframes.spice import build
+from jaxframes.spice.iau_read import has_text_pck, model_axes, no_data, text_pck
 from jaxframes.spice.paths import orientation_pieces
+from jaxframes.spice.process import CspiceError
 from jaxframes.spice.tables import OrientationTable
 from jaxframes.spice.times import Instant
 from jaxframes.tree.edges.base import Edge
+from jaxframes.tree.edges.rigid import Fixed
 
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
@@ -43,21 +47,79 @@ Maker = Callable[["Kernels", Request], Edge]
 
 
 def orientation(kernels: "Kernels", request: Request) -> Any:
-    """Return the edge that orients a frame, made in the way that its class asks for.
+    """Return the edge that orients a frame: a fixed one where nothing turns, else made in the way that the frame's class asks for.
 
     Raises:
-        NoPathError: If there is no way for this class.
+        NoPathError: If there is no way for this class, or ``relative_to`` turns against it.
     """
-    maker = MAKERS.get(request.of["class"])
-    if maker is None:
-        kind = CLASSES.get(request.of["class"], "?")
-        remedy = (
-            "use jf.edges.Fixed with a constant rotation" if request.of["class"] in (INERTIAL, TK) else "no table can be made of it yet"
+    of, base = request.of, request.base
+    of_anchor, base_anchor = anchored(kernels, of), anchored(kernels, base)
+    if of_anchor.axes["id"] == base_anchor.axes["id"] or (of_anchor.inertial and base_anchor.inertial):
+        middle = kernels._process.call(
+            "rotation", of_anchor.axes["name"], base_anchor.axes["name"], doing=f"rotating {of['name']} to {base['name']}"
         )
+        return Fixed(_fixed_pose(base_anchor.matrix.T @ np.array(middle) @ of_anchor.matrix))
+    if not base_anchor.inertial:
         raise NoPathError(
-            f"{request.of['name']} is a frame of class {request.of['class']} ({kind}), not one oriented by a binary PCK: {remedy}."
+            f"relative_to = {base['name']!r} is a {CLASSES.get(base['class'], '?')} frame, which turns; tables have inertial axes. "
+            f"kernels.tree(frames=[{of['name']!r}, {base['name']!r}]) relates frames that both turn."
         )
+    if of["class"] == TK:
+        name = of_anchor.axes["name"]
+        raise NoPathError(
+            f"{of['name']} is fixed to {name}, which turns against {base['name']}: that makes two edges, "
+            f"kernels.orientation(frame={name!r}, relative_to={base['name']!r}) and "
+            f"kernels.orientation(frame={of['name']!r}, relative_to={name!r}). kernels.tree(frames=[{of['name']!r}]) makes both."
+        )
+    maker = MAKERS.get(of["class"])
+    if maker is None:
+        kind = CLASSES.get(of["class"], "?")
+        raise NoPathError(f"{of['name']} is a frame of class {of['class']} ({kind}): no table can be made of it yet.")
     return maker(kernels, request)
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """The frame that a chain of fixed offsets ends at, and the matrix that takes coordinates of the chain's start to it."""
+
+    axes: dict[str, Any]
+    matrix: np.ndarray
+
+    @property
+    def inertial(self) -> bool:
+        """Whether the chain ends at an inertial frame."""
+        return self.axes["class"] == INERTIAL
+
+
+def anchored(kernels: "Kernels", axes: dict[str, Any]) -> Anchor:
+    """Return what a frame is fixed to: itself, unless it is given by fixed offsets (TK) from others.
+
+    Raises:
+        NoPathError: If an offset is not defined, or the offsets run in a circle.
+    """
+    matrix, seen = np.eye(3), [axes["name"]]
+    while axes["class"] == TK:
+        try:
+            offset, base = kernels._process.call("fixed_offset", axes["id"], doing=f"looking up the offset of {axes['name']}")
+        except CspiceError as error:
+            raise NoPathError(f"The fixed offset (TK) of {axes['name']} is not fully defined by the kernels loaded: {error}") from error
+        matrix, axes = np.array(offset) @ matrix, kernels._axes(str(base))
+        if axes["name"] in seen:
+            raise NoPathError(f"Fixed offsets run in a circle: {' -> '.join([*seen, axes['name']])}.")
+        seen.append(axes["name"])
+    return Anchor(axes, matrix)
+
+
+def pck(kernels: "Kernels", request: Request) -> Any:
+    """Return the orientation of a PCK frame: by binary segments if there are any for it, as in SPICE, else by a text PCK."""
+    class_id = request.of["class_id"]
+    if any(s.kind == "PCK" and s.body == class_id for s in kernels._segments):
+        return binary_pck(kernels, request)
+    if not has_text_pck(kernels, class_id):
+        raise no_data(kernels, request)
+    axes = model_axes(kernels, class_id)
+    placement = np.array(kernels._process.call("rotation", axes, request.base["name"], doing=f"rotating {axes}"))
+    return text_pck(kernels, request, quaternion(placement))
 
 
 def binary_pck(kernels: "Kernels", request: Request) -> OrientationTable:
@@ -77,8 +139,13 @@ def binary_pck(kernels: "Kernels", request: Request) -> OrientationTable:
     return kernels._table(OrientationTable, "orientation", names, bounds, [build.unwound(leg)], pieces, placement=placement)
 
 
-MAKERS: dict[int, Maker] = {PCK: binary_pck}
+MAKERS: dict[int, Maker] = {PCK: pck}
 """Class of a frame -> the function that makes its edge."""
+
+
+def _fixed_pose(matrix: np.ndarray) -> Transform:
+    rotation = Rotation(jnp.asarray(quaternion(matrix), default_float()))
+    return Transform(rotation, jnp.zeros(3, default_float()))
 
 
 def quaternion(matrix: np.ndarray) -> np.ndarray:

@@ -14,26 +14,28 @@ import zipfile
 from collections.abc import Mapping
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import FrameError, TableError
 from jaxframes.numerics.boundary import default_float
+from jaxframes.spice.iau import IauOrientation
 from jaxframes.spice.info import Info
 from jaxframes.spice.legs import from_leg, to_leg
 from jaxframes.spice.tables import OrientationTable, TranslationTable
 from jaxframes.spice.times import pairs
 
+Table: TypeAlias = TranslationTable | OrientationTable | IauOrientation
 SCHEMA = 1
 MARK = b"jaxframes tables, sha256 of all before this: "
-KINDS = {"translation": TranslationTable, "orientation": OrientationTable}
+KINDS = {"translation": TranslationTable, "orientation": OrientationTable, "iau": IauOrientation}
 STAMP = (1980, 1, 1, 0, 0, 0)
 HEADER = {"format": "jaxframes tables", "scale": "TDB", "units": {"length": "m", "angle": "rad", "time": "s"}}
 
 
-def save(path: str | os.PathLike[str], tables: Mapping[str, TranslationTable | OrientationTable]) -> None:
+def save(path: str | os.PathLike[str], tables: Mapping[str, Table]) -> None:
     """Write tables to one file: whole or not at all, the same bytes for the same tables.
 
     Args:
@@ -106,12 +108,12 @@ def _check(target: Path, content: bytes) -> None:
         )
 
 
-def _archive(tables: Mapping[str, TranslationTable | OrientationTable]) -> bytes:
+def _archive(tables: Mapping[str, Table]) -> bytes:
     metadata: dict[str, Any] = {**HEADER, "schema": SCHEMA, "tables": {}}
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for number, (name, table) in enumerate(tables.items()):
-            if not isinstance(table, (TranslationTable, OrientationTable)):
+            if not isinstance(table, tuple(KINDS.values())):
                 raise TableError(f"{name!r} is a {type(table).__name__}, not a table of jf.spice.Kernels: only tables are saved.")
             metadata["tables"][str(name)] = _write_table(archive, f"table{number}", table)
         archive.writestr(zipfile.ZipInfo("metadata.json", STAMP), json.dumps(metadata, indent=1), zipfile.ZIP_DEFLATED)
@@ -120,7 +122,12 @@ def _archive(tables: Mapping[str, TranslationTable | OrientationTable]) -> bytes
     return body + hashlib.sha256(body).hexdigest().encode()
 
 
-def _write_table(archive: zipfile.ZipFile, folder: str, table: TranslationTable | OrientationTable) -> dict[str, Any]:
+def _write_table(archive: zipfile.ZipFile, folder: str, table: Table) -> dict[str, Any]:
+    if isinstance(table, IauOrientation):
+        arrays = table.to_arrays()
+        for name, array in arrays.items():
+            _write_array(archive, f"{folder}/{name}.npy", array)
+        return {"info": table.info.to_json(), "arrays": {name: f"{folder}/{name}.npy" for name in arrays}}
     legs = []
     for i, leg in enumerate(table.legs):
         arrays = from_leg(leg)
@@ -145,8 +152,10 @@ def _read_array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
         return np.lib.format.read_array(io.BytesIO(file.read()), allow_pickle=False)
 
 
-def _table(archive: zipfile.ZipFile, name: str, entry: dict[str, Any]) -> TranslationTable | OrientationTable:
+def _table(archive: zipfile.ZipFile, name: str, entry: dict[str, Any]) -> Table:
     info = Info.from_json(entry["info"])
+    if info.kind == "iau":
+        return IauOrientation.from_arrays({n: _read_array(archive, file) for n, file in entry["arrays"].items()}, info)
     legs = tuple(
         to_leg({n: _read_array(archive, file) for n, file in leg["arrays"].items()}, leg["series"], leg["compares"])
         for leg in entry["legs"]

@@ -54,7 +54,7 @@ class Table(Edge):
 
     def coverage_code(self, time: Any) -> jax.Array:
         """Return -1 where an ``Epoch`` (or ET seconds) lies before the coverage, 0 inside, +1 after: int32 [...]."""
-        return evaluate.coverage_code(self.run, *_two_parts(time))
+        return evaluate.coverage_code(self.run, *two_parts(time))
 
     def report(self) -> str:
         """Return what the table is made of, in lines: method, records, degree, bytes, coverage, kernels, jumps between records."""
@@ -121,7 +121,7 @@ class TranslationTable(Table):
             time: An ``Epoch`` [...], or seconds past J2000 TDB [...].
             order: 0, 1 or 2.
         """
-        return _translation(_order(order), self.run, *_two_parts(time))
+        return _translation(checked_order(order), self.run, *two_parts(time))
 
 
 @family(static=("info",))
@@ -144,7 +144,7 @@ class OrientationTable(Table):
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         """Return three turns, by phi about z, theta about x and psi about z."""
         placement = Quat(*parameters(self.placement, inputs.batch_rank))
-        return _turns(placement, self.values(inputs, order))
+        return turns(placement, self.values(inputs, order))
 
     def describe(self) -> str:
         """Return the kind of the edge and its frames."""
@@ -157,10 +157,10 @@ class OrientationTable(Table):
             time: An ``Epoch`` [...], or seconds past J2000 TDB [...].
             order: 0, 1 or 2; the first ``order + 1`` of the three are returned.
         """
-        return _orientation(_order(order), self.run, self.placement, *_two_parts(time))
+        return _orientation(checked_order(order), self.run, self.placement, *two_parts(time))
 
 
-def _turns(placement: Quat, angles: tuple[V3, ...]) -> tuple[Step, ...]:
+def turns(placement: Quat, angles: tuple[V3, ...]) -> tuple[Step, ...]:
     """Return the three turns that Euler angles (phi, theta, psi) with their derivatives stand for."""
     phi, theta, psi = (Coordinate(*parts) for parts in zip(*angles, strict=True))
     x, z = V3(1.0, 0.0, 0.0), V3(0.0, 0.0, 1.0)
@@ -171,13 +171,14 @@ def _triples(values: tuple[Component, ...]) -> tuple[V3, ...]:
     return tuple(V3(*values[i : i + 3]) for i in range(0, len(values), 3))
 
 
-def _order(order: int) -> int:
+def checked_order(order: int) -> int:
+    """Return the order that a caller asks for (EdgeError unless it is 0, 1 or 2)."""
     if order not in (0, 1, 2):
         raise EdgeError(f"order={order!r}: tables give order 0 (value), 1 (and rate) or 2 (and acceleration)")
     return order
 
 
-def _two_parts(time: Any) -> tuple[Any, Any]:
+def two_parts(time: Any) -> tuple[Any, Any]:
     """Return the parts of an ``Epoch``; plain seconds keep what one number of the default dtype cannot hold."""
     if hasattr(time, "hi"):
         return time.hi, time.lo
@@ -197,7 +198,7 @@ def _translation(order: int, run: Run, hi: Any, lo: Any) -> tuple[jax.Array, ...
 def _orientation(order: int, run: Run, placement: jax.Array, hi: Any, lo: Any) -> tuple[jax.Array, ...]:
     motion = AT_REST
     shape = jnp.broadcast_shapes(jnp.shape(hi), jnp.shape(lo))
-    for step in _turns(Quat(*parameters(placement)), _triples(evaluate.evaluate(run, hi, lo, order))):
+    for step in turns(Quat(*parameters(placement)), _triples(evaluate.evaluate(run, hi, lo, order))):
         motion = append(motion, step, order)
     results = (motion.rotation, motion.angular, motion.angular2)
     return tuple(assemble(tuple(r), shape, run.legs[0].rows.dtype) for r in results[: order + 1])

@@ -148,6 +148,22 @@ class Reader:
         numbers = [int(i) for cell in (self.spice.bltfrm(-1), self.spice.kplfrm(-1)) for i in cell]
         return [self.spice.frmnam(i) for i in numbers]
 
+    def numbers(self, names: list[str]) -> dict[str, list[float] | None]:
+        """Return the numbers of kernel-pool variables, None for those that do not exist or hold text."""
+        found: dict[str, list[float] | None] = {}
+        for name in names:
+            try:
+                count, kind = self.spice.dtpool(name)
+                found[name] = [float(x) for x in self.spice.gdpool(name, 0, count)] if kind == "N" else None
+            except self.spice.NotFoundError:
+                found[name] = None
+        return found
+
+    def fixed_offset(self, frame: int) -> tuple[list[list[float]], int]:
+        """Return the matrix that takes coordinates of a fixed-offset (TK) frame to its base, and the id of the base."""
+        matrix, base = self.spice.tkfram(frame)[:2]
+        return [[float(x) for x in row] for row in matrix], int(base)
+
     def rotation(self, source: str, destination: str) -> list[list[float]]:
         """Return the matrix that takes coordinates from one inertial frame to another."""
         return [[float(x) for x in row] for row in self.spice.pxform(source, destination, 0.0)]

@@ -98,10 +98,8 @@ def test_epochs_and_seconds_and_text_are_the_same_instants(kernels):
 def test_frames_that_turn_and_frames_without_binary_data(kernels):
     with pytest.raises(errors.NoPathError, match=r"frame = 'ITRF93' is a PCK frame, which turns"):
         kernels.translation(target="MOON", center="EARTH", frame="ITRF93", **SPAN)
-    with pytest.raises(errors.NoPathError, match=r"No binary PCK segment for IAU_MARS .*loaded: \[3000\]"):
+    with pytest.raises(errors.NoPathError, match=r"No binary PCK segment for IAU_MARS .*loaded: \[3000\].*No text PCK gives BODY499_PM"):
         kernels.orientation(frame="IAU_MARS", **SPAN)
-    with pytest.raises(errors.NoPathError, match=r"ECLIPJ2000 is a frame of class 1 \(inertial\).*jf.edges.Fixed"):
-        kernels.orientation(frame="ECLIPJ2000", **SPAN)
 
 
 def test_missing_package():
