@@ -36,6 +36,7 @@ from jaxframes.tree import FrameTree as FrameTree
 from jaxframes.tree import State as State
 from jaxframes.tree import TreeBuilder as TreeBuilder
 from jaxframes.tree import edges as edges
+from jaxframes.tree.apparent import ApparentState as ApparentState
 from jaxframes.tree.chain import Chain as Chain
 from jaxframes.tree.state import Attachments as Attachments
 from jaxframes.tree.text import DumpOptions as DumpOptions

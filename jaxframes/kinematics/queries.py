@@ -10,6 +10,7 @@ from jaxframes.kinematics import attached, levels
 from jaxframes.kinematics.attach import attach, attachments_valid
 from jaxframes.kinematics.context import Context
 from jaxframes.kinematics.jacobian import jacobian
+from jaxframes.kinematics.light_time import apparent
 from jaxframes.kinematics.path import between
 from jaxframes.kinematics.rates import broadcast, rate
 from jaxframes.kinematics.walk import arrays_of, everything, outward
@@ -126,6 +127,7 @@ class PathEngine:
     pairs = staticmethod(_compiled(_pairs, "of", "relative_to"))
     jacobian = staticmethod(_compiled(_jacobian, "of", "relative_to", "expressed_in"))
     jacobian_dot = staticmethod(_compiled(_jacobian_dot, "of", "relative_to", "expressed_in"))
+    apparent = staticmethod(_compiled(apparent, "looking"))
     attached = staticmethod(_compiled(attach, "frame", "keep"))
     attachments_valid = staticmethod(_compiled(attachments_valid))
     rate = staticmethod(rate)

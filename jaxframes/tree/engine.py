@@ -6,6 +6,7 @@ import jax
 
 if TYPE_CHECKING:
     from jaxframes.spatial import Motion, Transform
+    from jaxframes.tree.apparent import ApparentState, Looking
     from jaxframes.tree.state import State
     from jaxframes.tree.tree import FrameTree
 
@@ -38,6 +39,10 @@ class Engine(Protocol):
 
     def rate(self, tree: "FrameTree", state: "State") -> "State":
         """Return the time derivative of a state: what each number of it changes by per second."""
+        ...
+
+    def apparent(self, tree: "FrameTree", state: "State", *, looking: "Looking") -> "ApparentState":
+        """Return where a frame appears to an observer."""
         ...
 
     def attached(self, tree: "FrameTree", state: "State", to: jax.Array, *, frame: int, keep: str) -> "State":

@@ -9,6 +9,7 @@ import jax
 from jaxframes.errors import EdgeError, ShapeError
 from jaxframes.spatial import Motion, SpatialAcceleration, SpatialVelocity, Transform, Twist, Wrench
 from jaxframes.tree import grouping
+from jaxframes.tree.apparent import ApparentState, checked
 from jaxframes.tree.attaching import Attaching
 from jaxframes.tree.chain import Chain, make_chain
 from jaxframes.tree.describe import Described
@@ -135,6 +136,50 @@ class FrameTree(Described, Attaching):
             NoAccelerationError: An edge on the path has no accelerations.
         """
         return self._between(state, of, relative_to, None, 2)
+
+    def apparent(
+        self,
+        state: State,
+        *,
+        of: str,
+        relative_to: str,
+        expressed_in: str | None = None,
+        light_time: bool | str = True,
+        aberration: bool = False,
+        direction: str = "reception",
+        order: int = 2,
+    ) -> ApparentState:
+        """Return where a frame's origin appears to an observer at the origin of another, by light that takes its time.
+
+        The root's axes must be inertial and its origin one that does not accelerate (the Solar System barycentre): nothing can check it.
+        The observer is at the state's time t, the target at t - light time (reception) or t + light time (transmission); joints and
+        prescribed motions on the way to the target count as those of that instant. Light travels straight (no delay by gravity).
+
+        Args:
+            state: Values at one instant or a batch of them; needs a time.
+            of: Frame looked at.
+            relative_to: Frame of the observer.
+            expressed_in: Frame whose axes, as they are at t, resolve all vectors. Default: the root, not ``relative_to``.
+            light_time: True solves the light time to convergence (SPICE's "CN"); "LT" takes one step as SPICE's "LT" does (its
+                velocity is not the derivative of its position, and there is no acceleration); False is geometric.
+            aberration: Whether the velocity of the observer turns the line of sight (stellar aberration, "+S").
+            direction: "reception" of light at t, or "transmission" ("X") of light at t.
+            order: 0 for the position, 1 with the velocity, 2 with the acceleration.
+
+        Returns:
+            An ``ApparentState`` with leaves [..., 3] and [...].
+
+        Raises:
+            UnknownFrameError: A name is not in the tree.
+            FrameError: An option has a value that it does not take, or both frames are one.
+            MissingInputError: The state has no time.
+            NoAccelerationError: An edge on a path has no accelerations that are needed (by ``order=2``, or aberration with order 1).
+
+        Gradients: exact, in forward and reverse mode; the light time by differentiating its equation, not the steps that solve it.
+        Precision: float64 meets SPICE's own rounding (a few mm); float32 holds distances from the root to 6e-8 only, 9 km at 1 au.
+        """
+        options = {"light_time": light_time, "aberration": aberration, "direction": direction, "order": order}
+        return engine().apparent(self, state, looking=checked(self, of, relative_to, expressed_in, options))
 
     def world_transforms(self, state: State) -> Transform:
         """Return the poses of all frames in the root, in the order of ``names``: leaves [..., n_frames, 4] and [..., n_frames, 3]."""

@@ -1,0 +1,159 @@
+"""Light time and stellar aberration against live CSPICE, finite differences and the coverage of the tables."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxframes as jf
+from jaxframes import errors
+
+MARS, MOON, EARTH = "MARS BARYCENTER", "MOON", "EARTH"
+START, STOP = 820497600.0, 852033600.0
+LOOKS = {
+    "LT": {"light_time": "LT"},
+    "CN": {},
+    "CN+S": {"aberration": True},
+    "XCN+S": {"aberration": True, "direction": "transmission"},
+}
+
+
+@pytest.fixture(scope="module")
+def tree(kernels):
+    b = jf.TreeBuilder(root="ssb")
+    for name in (MARS, MOON, EARTH):
+        b.add(name, parent="ssb", edge=kernels.translation(target=name, center="SSB", start="2026-01-01", stop="2027-01-01"))
+    b.add("tilted", parent="ssb", edge=jf.edges.Fixed(jf.Transform.from_rotation(jf.Rotation.from_axis_angle((0.0, 0.0, 1.0), 0.5))))
+    return b.build()
+
+
+@pytest.fixture(scope="module")
+def times():
+    return np.random.default_rng(3).integers(START + 1e5, STOP - 1e5, 40).astype(float)
+
+
+@pytest.fixture(scope="module")
+def look(tree):
+    """Mars from the Earth, compiled once for each correction and 40 epochs."""
+    compiled = {
+        name: jax.jit(lambda epoch, kw=kw: tree.apparent(tree.state(time=epoch), of=MARS, relative_to=EARTH, **kw))
+        for name, kw in LOOKS.items()
+    }
+    return lambda name, seconds: compiled[name](seconds if isinstance(seconds, jf.Epoch) else jf.Epoch.from_et(seconds))
+
+
+def seen(cspice, target, correction, times):
+    found = [cspice.spkezr(target, float(t), "J2000", correction, EARTH) for t in times]
+    return np.array([state for state, _ in found]) * 1e3, np.array([delay for _, delay in found])
+
+
+@pytest.mark.float64
+@pytest.mark.parametrize("correction", LOOKS)
+def test_apparent_states_agree_with_spkezr(tree, look, cspice, times, correction):
+    for target in (MARS, MOON)[: 1 + (correction == "CN")]:
+        found = look(correction, times) if target == MARS else tree.apparent(tree.state(time=times), of=target, relative_to=EARTH)
+        states, delays = seen(cspice, target, correction, times)
+        assert np.linalg.norm(found.position - states[:, :3], axis=1).max() <= 5e-3
+        assert np.linalg.norm(found.velocity - states[:, 3:], axis=1).max() <= 1e-8
+        assert np.abs(found.light_time - delays).max() <= 2e-11
+        assert not np.any(found.coverage)
+        assert (found.acceleration is None) == (correction == "LT")
+
+
+def test_in_float32_the_error_is_that_of_the_distance_from_the_root(look, cspice, dtype):
+    t = START + 86400.0 * np.arange(1, 361, 9)
+    found = look("XCN+S", t)
+    states, _ = seen(cspice, MARS, "XCN+S", t)
+    limit = 5e-3 if dtype == np.float64 else 6e4
+    assert np.linalg.norm(np.asarray(found.position, float) - states[:, :3], axis=1).max() <= limit
+    assert np.linalg.norm(np.asarray(found.velocity, float) - states[:, 3:], axis=1).max() <= (1e-8 if dtype == np.float64 else 0.05)
+
+
+@pytest.mark.float64
+@pytest.mark.parametrize("correction", ["CN+S", "XCN+S"])
+def test_acceleration_and_light_time_rate_are_derivatives(look, times, correction):
+    step, epoch = 3000.0, jf.Epoch.from_et(times)
+    # The eighth-order central difference.
+    weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+    around = {k: (look(correction, epoch + k * step), look(correction, epoch + -k * step)) for k in weights}
+    slope = lambda part: sum(w * (getattr(around[k][0], part) - getattr(around[k][1], part)) for k, w in weights.items()) / step
+    found = look(correction, epoch)
+    relative = np.linalg.norm(slope("velocity") - found.acceleration, axis=1) / np.linalg.norm(found.acceleration, axis=1)
+    assert relative.max() <= 1e-9
+    np.testing.assert_allclose(slope("light_time"), found.light_time_rate, rtol=1e-8, atol=1e-15)
+
+
+@pytest.mark.float64
+def test_forward_and_reverse_derivatives(tree, times):
+    t = jnp.asarray(times[0])
+    look = lambda tree, t: tree.apparent(tree.state(time=t), of=MARS, relative_to=EARTH, aberration=True, order=0).position
+    found = tree.apparent(tree.state(time=t), of=MARS, relative_to=EARTH, aberration=True)
+    np.testing.assert_allclose(jax.jit(jax.jacfwd(lambda t: look(tree, t)))(t), found.velocity, rtol=1e-13)
+    distance = lambda tree, t: jnp.linalg.norm(look(tree, t))
+    # All of Mars moved along x: the light time changes too, which is what the implicit derivative is about.
+    mars = tree.edge(MARS)
+    moved = lambda d: (dataclasses.replace(mars.legs[0], rows=mars.legs[0].rows.at[:, 0].add(d)), *mars.legs[1:])
+    along = jax.jit(lambda d: distance(tree.with_edge(MARS, mars.replace(legs=moved(d))), t))
+    np.testing.assert_allclose(jax.jit(jax.grad(along))(0.0), (along(500.0) - along(-500.0)) / 1000.0, rtol=1e-7)
+
+
+def test_batches_and_vmap_and_axes(tree, times, dtype):
+    state = tree.state(time=jf.Epoch.from_et(times[:4].reshape(2, 2)))
+    grid = tree.apparent(state, of=MARS, relative_to=EARTH, expressed_in="tilted", order=0)
+    assert grid.position.shape == (2, 2, 3)
+    assert grid.coverage.shape == grid.light_time.shape == (2, 2)
+    assert grid.acceleration is grid.velocity is None
+    rows = jax.vmap(lambda e: tree.apparent(tree.state(time=e), of=MARS, relative_to=EARTH, order=0))(state.time)
+    turned = jf.Rotation.from_axis_angle((0.0, 0.0, 1.0), -0.5) @ rows.position
+    eps = np.finfo(dtype).eps
+    np.testing.assert_allclose(grid.position, turned, atol=8 * eps * 4e11)
+    np.testing.assert_allclose(grid.light_time, rows.light_time, rtol=8 * eps)
+
+
+def test_without_light_time_it_is_the_geometric_state(tree, times, tol):
+    state = tree.state(time=times[:3])
+    found = tree.apparent(state, of=MOON, relative_to=EARTH, light_time=False)
+    motion = tree.motion(state, of=MOON, relative_to=EARTH)
+    np.testing.assert_allclose(found.position, motion.transform.translation, atol=tol * 1.5e11)
+    np.testing.assert_allclose(found.acceleration, motion.acceleration.linear, atol=tol * 1e-2)
+    assert not np.any(found.light_time)
+
+
+def test_coverage_at_the_instant_looked_at_counts(tree, look):
+    # Two hours around the start: the light of the first part left before the tables begin.
+    around = np.linspace(-4000.0, 4000.0, 40)
+    for correction, end, code in (("CN", START, -1), ("XCN+S", STOP, 1)):
+        found = look(correction, end + around)
+        codes, delay = np.asarray(found.coverage), float(np.nanmean(found.light_time))
+        outside = around < delay if code < 0 else around > -delay
+        sure = np.abs(around + code * delay) > 70.0  # one float32 of these epochs is 64 s
+        assert np.array_equal(codes[sure], np.where(outside, code, 0)[sure])
+        for part in (found.position[:, 0], found.velocity[:, 1], found.acceleration[:, 2], found.light_time):
+            assert np.array_equal(np.isnan(part), codes != 0)
+        assert 0 < np.sum(codes == 0) < 40
+    slope = jax.grad(lambda t: tree.apparent(tree.state(time=t), of=MARS, relative_to=EARTH, order=0).position[0])
+    assert np.isnan(slope(jnp.asarray(START + 64.0)))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"light_time": "CN+S"}, r"light_time='CN\+S': give True .*'LT'.*False"),
+        ({"aberration": "S"}, r"aberration='S'"),
+        ({"light_time": False, "aberration": True}, r"aberration=True needs light_time"),
+        ({"direction": "X"}, r"direction='X': give 'reception'.*'transmission'"),
+        ({"order": 3}, r"order=3: give 0"),
+        ({"of": EARTH}, r"the same frame 'EARTH'"),
+        ({"of": "MARS"}, r"'MARS'.*MARS BARYCENTER"),
+    ],
+)
+def test_options_that_do_not_exist(tree, options, message):
+    with pytest.raises(errors.FrameError, match=message):
+        tree.apparent(tree.state(time=START), **{"of": MARS, "relative_to": EARTH, **options})
+
+
+def test_a_state_without_time(tree):
+    with pytest.raises(errors.MissingInputError, match="light time needs the time"):
+        tree.apparent(tree.state(), of=MARS, relative_to=EARTH)
