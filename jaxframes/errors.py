@@ -76,6 +76,10 @@ class CoverageError(SpiceError):
     """The kernels or a table do not cover the span asked for."""
 
 
+class ToleranceError(SpiceError):
+    """A fitted table cannot be as good, or as small, as asked for."""
+
+
 class TableError(SpiceError):
     """A table file is missing, damaged, altered, or of an unknown schema."""
 

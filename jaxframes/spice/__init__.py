@@ -7,8 +7,20 @@ from jaxframes.spice.compare import compare
 from jaxframes.spice.find import find_kernels
 from jaxframes.spice.iau import IauOrientation
 from jaxframes.spice.kernels import Kernels
+from jaxframes.spice.search import Tolerance
 from jaxframes.spice.shipped import example_tables
 from jaxframes.spice.store import load, save
 from jaxframes.spice.tables import OrientationTable, TranslationTable
 
-__all__ = ["IauOrientation", "Kernels", "OrientationTable", "TranslationTable", "compare", "example_tables", "find_kernels", "load", "save"]
+__all__ = [
+    "IauOrientation",
+    "Kernels",
+    "OrientationTable",
+    "Tolerance",
+    "TranslationTable",
+    "compare",
+    "example_tables",
+    "find_kernels",
+    "load",
+    "save",
+]

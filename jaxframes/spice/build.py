@@ -85,8 +85,31 @@ def _index(parts: Sequence[Records], reference: int) -> tuple[dict[str, np.ndarr
     length, origin = parts[0].step, parts[0].origin
     if _is_uniform(parts):
         return {"grid": np.array([*two_parts(origin - reference), float(length)])}, 0
-    starts = [start for part in parts for start in part.starts()]
-    stop = parts[-1].stop
+    starts = [start - reference for part in parts for start in part.starts()]
+    return irregular(starts, parts[-1].stop - reference)
+
+
+def index(starts: Sequence[Fraction], stop: Fraction) -> tuple[dict[str, np.ndarray], int]:
+    """Return the arrays that find a record by time, and how many comparisons they need.
+
+    Args:
+        starts: Where each record starts to serve, seconds past the reference, in order.
+        stop: Where the last one ends.
+    """
+    step = (stop - starts[0]) / len(starts)
+    middle = (starts[len(starts) // 2] - starts[0]) / max(len(starts) // 2, 1)
+    for length in (step, middle):  # the last record may be cut short
+        if all(abs(s - (starts[0] + i * length)) <= length / 10**10 for i, s in enumerate(starts)) and stop <= starts[-1] + length * 2:
+            return {"grid": np.array([*two_parts(starts[0]), float(length)])}, 0
+    return irregular(starts, stop)
+
+
+def irregular(starts: Sequence[Fraction], stop: Fraction) -> tuple[dict[str, np.ndarray], int]:
+    """Return what ``index`` does, for records of unequal length.
+
+    Raises:
+        BadKernelError: If the records are not in time order.
+    """
     begins = [*starts[1:], stop]
     if any(a >= b for a, b in zip(starts, begins, strict=True)):
         raise BadKernelError("records of the kernels loaded are not in time order")
@@ -100,8 +123,8 @@ def _index(parts: Sequence[Records], reference: int) -> tuple[dict[str, np.ndarr
     slack = 1e-9 * width
     first = np.searchsorted(edges, corners, side="right") - 1
     last = np.searchsorted(edges, corners + width + slack, side="right") - 1
-    ends = np.array([two_parts(start - reference) for start in starts[1:]] + [(np.inf, 0.0)])
-    grid = np.array([*two_parts(starts[0] - reference), width])
+    ends = np.array([two_parts(start) for start in starts[1:]] + [(np.inf, 0.0)])
+    grid = np.array([*two_parts(starts[0]), width])
     return {"grid": grid, "first": first.astype(np.float64), "ends": ends}, int((last - first).max())
 
 
@@ -109,6 +132,8 @@ def _is_uniform(parts: Sequence[Records]) -> bool:
     """Whether the records of all parts lie on the grid of the first: to 1e-10 of a record, where its series are as good as inside."""
     length, origin = parts[0].step, parts[0].origin
     count = 0
+    if any(part.inner is not None for part in parts):
+        return False
     for part in parts:
         drift = part.origin - (origin + count * length)
         if abs(drift) > length / 10**10 or abs(part.step - length) * len(part.middle) > length / 10**10:

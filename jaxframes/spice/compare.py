@@ -37,7 +37,9 @@ def compare(kernels: Kernels, table: TranslationTable | OrientationTable, times:
     info, seconds = table.info, np.asarray(times, np.float64)
     value, rate = (np.asarray(x, np.float64) for x in table.evaluate(seconds, order=1))
     if isinstance(table, TranslationTable):
-        position, velocity = kernels.states(target=info.of_id, center=info.relative_id, frame=info.axes, times=seconds)
+        position, velocity = kernels.states(
+            target=info.of_id, center=info.relative_id, frame=info.axes, times=seconds, correction=info.correction
+        )
         lengths = (position - value, velocity - rate, position, velocity)
         return Differences(*(_largest(x) for x in lengths))
     rotation, spin = kernels.turns(frame=info.of, relative_to=info.relative_to, times=seconds)

@@ -7,6 +7,9 @@ from typing import Any
 from jaxframes.spice.times import span_text
 
 
+EXTRACTION = "exact extraction of Chebyshev records"
+
+
 @dataclass(frozen=True)
 class Source:
     """A kernel file: its base name and the SHA-256 of its content."""
@@ -32,6 +35,10 @@ class Info:
         sources: The kernels whose numbers are in the table, then those that named things or placed frames.
         segments: One line for each segment used.
         toolkit: Version of CSPICE that read them.
+        method: How the numbers of the kernels became the table.
+        correction: SPICE's aberration correction that is in the values; ``"NONE"`` for geometric ones.
+        measured: What was measured while the table was made, by name: errors against CSPICE and the kernels' own jumps, SI units.
+        notes: Lines for the report.
     """
 
     kind: str
@@ -46,6 +53,10 @@ class Info:
     sources: tuple[Source, ...]
     segments: tuple[str, ...]
     toolkit: str
+    method: str = EXTRACTION
+    correction: str = "NONE"
+    measured: tuple[tuple[str, float], ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def coverage(self) -> str:
@@ -62,7 +73,9 @@ class Info:
     def from_json(cls, data: dict[str, Any]) -> "Info":
         """Return the facts that ``to_json`` wrote."""
         sources = tuple(Source(**s) for s in data["sources"])
-        return cls(**{**data, "sources": sources, "segments": tuple(data["segments"])})
+        measured = tuple((str(name), float(value)) for name, value in data.get("measured", ()))
+        texts = {name: tuple(data.get(name, ())) for name in ("segments", "notes")}
+        return cls(**{**data, "sources": sources, "measured": measured, **texts})
 
 
 def decimal(exact: Fraction) -> str:

@@ -18,13 +18,13 @@ from jaxframes.errors import (
     UnknownBodyError,
     suggest,
 )
-from jaxframes.spice import build, orient
+from jaxframes.spice import build, extract, orient, translate
 from jaxframes.spice.hashes import sha256
 from jaxframes.spice.info import Info, Source, decimal
 from jaxframes.spice.legs import to_leg
-from jaxframes.spice.paths import translation_legs
 from jaxframes.spice.process import CspiceError, KernelProcess
-from jaxframes.spice.segments import Piece, Segment, coverage, read_records
+from jaxframes.spice.search import Tolerance
+from jaxframes.spice.segments import Piece, Segment, coverage
 from jaxframes.spice.tables import OrientationTable, TranslationTable
 from jaxframes.spice.times import Instant, exact_seconds, pairs, reference_day, span_text
 
@@ -103,36 +103,49 @@ class Kernels:
         self._process.close()
 
     def translation(
-        self, *, target: str | int, center: str | int, frame: str = "J2000", start: Instant | None = None, stop: Instant | None = None
+        self,
+        *,
+        target: str | int,
+        center: str | int,
+        frame: str = "J2000",
+        start: Instant | None = None,
+        stop: Instant | None = None,
+        tolerance: Tolerance | None = None,
+        size: int | None = None,
+        layout: str = "uniform",
+        correction: str = "NONE",
+        compose: bool = False,
     ) -> TranslationTable:
-        """Return the edge that carries a body's position relative to another, by extraction of the records: exact.
+        """Return the edge that carries a body's position relative to another: extracted exactly, or fitted.
+
+        Without ``tolerance``, ``size`` and ``correction`` the polynomials of the kernel itself are taken: SPK types 2, 3, 8, 9, 12, 13 and
+        20, exact to rounding. Otherwise a Chebyshev table is fitted to what CSPICE computes, for every type and correction, and its
+        report states the errors met at independent epochs.
 
         Args:
             target: Body by name or id, e.g. ``"MOON"``, ``301``; ``"SSB"`` is the Solar System barycentre.
-            center: Body that the parent frame is centred on.
+            center: Body that the parent frame is centred on; for corrected states the observer.
             frame: Inertial frame whose axes parent and child have.
             start: Start of the coverage: TDB calendar text, ET seconds, or ``Epoch``. Default: from where the kernels have data.
             stop: End of the coverage. Default: as far as the kernels have data.
+            tolerance: Fit to within these errors, with as few bytes as possible.
+            size: Fit in at most so many bytes (float64), as well as possible; with ``tolerance`` the table must meet both.
+            layout: Records of the fit: ``"uniform"``, or ``"dyadic"``, halved where the motion asks for it.
+            correction: ``"NONE"``, or an aberration correction of SPICE that the fit contains: ``"CN"``, ``"CN+S"``, ``"XCN"``, ``"XCN+S"``;
+                ``"LT"`` and its kin for compatibility: SPICE's velocities are then not the derivatives of its positions; the table's are.
+            compose: Whether to add up the legs of an exact chain on one grid: one look-up instead of several, at the cost of one
+                more rounding of the position. Legs with velocities of their own (type 3) stay as they are.
 
         Raises:
             UnknownBodyError: If a body is unknown.
             UnknownAxesError: If the frame is unknown.
             NoPathError: If the kernels do not connect the bodies, or the axes turn.
             CoverageError: If the kernels do not cover the span.
+            ToleranceError: If no table meets the tolerance: names the errors that were reached.
         """
-        of, relative = self._body(target, "target"), self._body(center, "center")
-        if of == relative:
-            raise NoPathError(f"target and center are the same body, {self._name(of)} ({of}): use jf.edges.Fixed().")
-        axes = self._inertial(frame, "frame")
-        bounds = self._span(start, stop, "SPK", (of, relative))
-        legs = []
-        for sign, pieces in translation_legs(of, relative, self._segments, *bounds, self._name):
-            parts = [(piece, self._rotation(piece.segment, axes["name"])) for piece in pieces]
-            legs.append(self._join(parts, sign, bounds[0]))
-        combined = [build.in_metres(leg) for leg in build.combine([leg for leg, _ in legs])]
-        used = [piece for _, pieces in legs for piece in pieces]
-        names = (self._name(of), of, self._name(relative), relative, axes["name"])
-        return self._table(TranslationTable, "translation", names, bounds, combined, used)
+        return translate.translation(
+            self, translate.Request(target, center, frame, start, stop, tolerance, size, layout, correction, compose)
+        )
 
     def orientation(self, *, frame: str, relative_to: str = "J2000", start: Instant | None = None, stop: Instant | None = None) -> Any:
         """Return the edge that carries a frame's orientation.
@@ -157,8 +170,10 @@ class Kernels:
         """
         return orient.orientation(self, orient.Request(self._axes(frame), self._axes(relative_to), start, stop))
 
-    def states(self, *, target: str | int, center: str | int, times: Any, frame: str = "J2000") -> tuple[np.ndarray, np.ndarray]:
-        """Return what CSPICE itself says (``spkez``, geometric): positions [n, 3] in m and velocities [n, 3] in m/s.
+    def states(
+        self, *, target: str | int, center: str | int, times: Any, frame: str = "J2000", correction: str = "NONE"
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return what CSPICE itself says (``spkez``): positions [n, 3] in m and velocities [n, 3] in m/s.
 
         One call of CSPICE an epoch: to check tables against, not to compute with.
 
@@ -167,12 +182,13 @@ class Kernels:
             center: Body that the states are relative to.
             times: Seconds past J2000 TDB, [n].
             frame: Frame of the axes.
+            correction: SPICE's aberration correction.
 
         Raises:
             SpiceError: If CSPICE has no answer for one of the epochs.
         """
         of, relative, axes = self._body(target, "target"), self._body(center, "center"), self._axes(frame)["name"]
-        found = self._process.call("states", of, relative, axes, np.asarray(times, float), doing="computing states")
+        found = self._process.call("states", of, relative, axes, np.asarray(times, float), correction, doing="computing states")
         return found[:, :3] * build.METRES, found[:, 3:] * build.METRES
 
     def turns(self, *, frame: str, times: Any, relative_to: str = "J2000") -> tuple[np.ndarray, np.ndarray]:
@@ -192,6 +208,7 @@ class Kernels:
         bounds: tuple[Fraction, Fraction],
         legs: Sequence[build.HostLeg],
         used: Sequence[Piece],
+        facts: dict[str, Any] | None = None,
         **more: Any,
     ) -> T:
         reference = reference_day(bounds[0])
@@ -203,18 +220,18 @@ class Kernels:
             sources=tuple(Source(f.name, sha256(f)) for f in files),
             segments=tuple(dict.fromkeys(f"{piece.segment.describe()}, frame id {piece.segment.frame}" for piece in used)),
             toolkit=self._process.call("version", doing="asking for the version"),
+            **(facts or {}),
         )
         made = tuple(to_leg(leg.arrays, leg.series, leg.compares) for leg in legs)
         fields = {"legs": made, "reference": pairs(Fraction(reference)), "span": pairs(*(x - reference for x in bounds)), "info": info}
         return kind(**fields, **more)
 
-    def _join(self, parts: list[tuple[Piece, np.ndarray | None]], sign: int, start: Fraction) -> tuple[build.HostLeg, list[Piece]]:
-        pieces = [piece for piece, _ in parts]
+    def _join(self, parts: list[tuple[Piece, np.ndarray | None]], sign: int, start: Fraction) -> tuple[build.HostLeg, list[str]]:
         records = []
         for piece, rotation in parts:
-            read = read_records(self._process, piece)
+            read = extract.read(self._process, piece)
             records.append(read if rotation is None else build.rotated(read, rotation))
-        return build.join(records, sign, reference_day(start)), pieces
+        return build.join(records, sign, reference_day(start)), [r.note for r in records if r.note]
 
     def _rotation(self, segment: Segment, axes: str) -> np.ndarray | None:
         """Return the matrix from a segment's own inertial frame to another, None where they are the same."""

@@ -13,9 +13,10 @@ UNITS = {"translation": ("m", "m/s", "m/s2"), "orientation": ("rad", "rad/s", "r
 def report(info: Info, legs: Sequence[Leg]) -> str:
     """Return the report of a table as text."""
     what = "position" if info.kind == "translation" else "orientation"
+    what += "" if info.correction == "NONE" else f" (corrected: {info.correction})"
     lines = [
         f"{what} of {info.of} ({info.of_id}) relative to {info.relative_to} ({info.relative_id}), axes {info.axes}",
-        f"method:   exact extraction of Chebyshev records, {len(legs)} leg{'s' if len(legs) != 1 else ''}",
+        f"method:   {info.method}, {len(legs)} leg{'s' if len(legs) != 1 else ''}",
         f"coverage: {info.coverage}",
         f"size:     {sum(leg.bytes for leg in legs)} bytes, {legs[0].rows.dtype.name}",
     ]
@@ -27,6 +28,8 @@ def report(info: Info, legs: Sequence[Leg]) -> str:
         if jumps is not None:
             text = ", ".join(f"{jump:.2g} {unit}" for jump, unit in zip(jumps, UNITS[info.kind], strict=True))
             lines.append(f"          largest jumps between records: {text}")
+    lines += [f"measured: {name}: {value:.3g}" for name, value in info.measured]
+    lines += [f"note:     {text}" for text in info.notes]
     lines += [f"segment:  {text}" for text in info.segments]
     lines += [f"kernel:   {source.name} sha256 {source.sha256}" for source in info.sources]
     lines.append(f"read by:  {info.toolkit}")

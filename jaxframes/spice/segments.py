@@ -13,6 +13,7 @@ from jaxframes.errors import BadKernelError, NoPathError
 from jaxframes.spice.process import KernelProcess
 
 CHEBYSHEV_TYPES = {"SPK": (2, 3), "PCK": (2,)}
+MOST = 1e15  # km, km/s or rad: a number beyond it (a hundred light years) is damage
 
 
 @dataclass(frozen=True)
@@ -52,12 +53,12 @@ class Segment:
         if self.type not in CHEBYSHEV_TYPES[self.kind]:
             types = " and ".join(str(t) for t in CHEBYSHEV_TYPES[self.kind])
             raise NoPathError(
-                f"{self.describe()} is not Chebyshev data: {self.kind} types {types} are extracted. Convert the kernel to one of these "
-                "(NAIF's spkmerge or spk_bff tools), or load one that holds such a segment after it."
+                f"{self.describe()} is not Chebyshev data: {self.kind} types {types} are extracted. Load a kernel that holds such a "
+                "segment after it, or give tolerance=jf.spice.Tolerance(...) to have a table fitted to what SPICE computes."
             )
         damage = self._damage()
         if damage:
-            raise BadKernelError(f"{self.describe()} is damaged or cut off: {damage}. Fetch the file again, or load another one after it.")
+            raise damaged(self, damage)
         init, length, size, count = self.directory or (0.0, 0.0, 0.0, 0.0)
         return init, length, int(size), int(count)
 
@@ -75,6 +76,11 @@ class Segment:
         if not (init - slack <= self.begin <= self.end <= init + length * count + slack):
             return f"its records cover ET {init:.3f} .. {init + length * count:.3f}, its summary says {self.begin:.3f} .. {self.end:.3f}"
         return ""
+
+
+def damaged(segment: Segment, damage: str) -> BadKernelError:
+    """Return the error to raise over a segment that contradicts itself."""
+    return BadKernelError(f"{segment.describe()} is damaged or cut off: {damage}. Fetch the file again, or load another one after it.")
 
 
 @dataclass(frozen=True)
@@ -98,6 +104,8 @@ class Records:
         step: Exact length of a record.
         start: Instant from which the first record serves.
         stop: Instant up to which the last one serves.
+        inner: Instants between the records where these are of unequal length; None where they are ``step`` long.
+        note: What the report says about the conversion.
     """
 
     coefficients: np.ndarray
@@ -107,9 +115,13 @@ class Records:
     step: Fraction
     start: Fraction
     stop: Fraction
+    inner: tuple[Fraction, ...] | None = None
+    note: str = ""
 
     def starts(self) -> list[Fraction]:
         """Return the exact instant from which each record serves."""
+        if self.inner is not None:
+            return [self.start, *self.inner]
         return [self.start, *(self.origin + i * self.step for i in range(1, len(self.middle)))]
 
 
@@ -171,7 +183,7 @@ def read_records(process: KernelProcess, piece: Piece) -> Records:
     rows = np.asarray(words, np.float64).reshape(last - first + 1, size)
     middle, radius = rows[:, 0].copy(), rows[:, 1].copy()
     expected = init + (np.arange(first, last + 1) + 0.5) * length
-    if not np.isfinite(rows).all() or np.abs(middle - expected).max() > 1e-6 * length or np.abs(radius * 2 / length - 1).max() > 1e-6:
+    if not np.isfinite(rows).all() or np.abs(rows[:, 2:]).max() > MOST or np.abs(middle - expected).max() > 1e-6 * length or np.abs(radius * 2 / length - 1).max() > 1e-6:
         raise BadKernelError(f"{segment.describe()} is damaged: its records are not finite or not where its directory says.")
     coefficients = rows[:, 2:].reshape(len(rows), segment.series, -1)
     return Records(coefficients, middle, radius, Fraction(init) + first * step, step, piece.start, piece.stop)

@@ -168,9 +168,9 @@ class Reader:
         """Return the matrix that takes coordinates from one inertial frame to another."""
         return [[float(x) for x in row] for row in self.spice.pxform(source, destination, 0.0)]
 
-    def states(self, target: int, center: int, frame: str, times: Any) -> Any:
-        """Return geometric states of a body, [n, 6] in km and km/s, at ET seconds."""
-        return self.numpy.array([self.spice.spkez(target, float(t), frame, "NONE", center)[0] for t in times])
+    def states(self, target: int, center: int, frame: str, times: Any, correction: str = "NONE") -> Any:
+        """Return states of a body, [n, 6] in km and km/s, at ET seconds; geometric or with one of SPICE's aberration corrections."""
+        return self.numpy.array([self.spice.spkez(target, float(t), frame, correction, center)[0] for t in times]).reshape(-1, 6)
 
     def turns(self, frame: str, relative_to: str, times: Any) -> Any:
         """Return rotation matrices [n, 3, 3] from a frame to another and angular velocities [n, 3] of it there, at ET seconds."""

@@ -1,0 +1,81 @@
+"""Making translation edges: extraction of polynomial records, composed where asked for, or a fit."""
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+from jaxframes.errors import NoPathError
+from jaxframes.spice import build, compose, fit
+from jaxframes.spice.info import EXTRACTION
+from jaxframes.spice.paths import translation_legs
+from jaxframes.spice.search import Tolerance
+from jaxframes.spice.segments import Piece
+from jaxframes.spice.tables import TranslationTable
+from jaxframes.spice.times import Instant, reference_day
+
+if TYPE_CHECKING:
+    from jaxframes.spice.kernels import Kernels
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a translation edge is asked for; the arguments of ``Kernels.translation``."""
+
+    target: str | int
+    center: str | int
+    frame: str
+    start: Instant | None
+    stop: Instant | None
+    tolerance: Tolerance | None
+    size: int | None
+    layout: str
+    correction: str
+    compose: bool
+
+
+@dataclass(frozen=True)
+class Extracted:
+    """Legs in km with the pieces of segments and the notes that belong to them."""
+
+    legs: list[build.HostLeg]
+    pieces: list[Piece]
+    notes: tuple[str, ...]
+
+
+def translation(kernels: "Kernels", request: Request) -> TranslationTable:
+    """Return the edge that ``Kernels.translation`` documents."""
+    of, relative = kernels._body(request.target, "target"), kernels._body(request.center, "center")
+    if of == relative:
+        raise NoPathError(f"target and center are the same body, {kernels._name(of)} ({of}): use jf.edges.Fixed().")
+    correction = fit.correction_named(request.correction)
+    axes = kernels._inertial(request.frame, "frame")["name"]
+    bounds = kernels._span(request.start, request.stop, "SPK", (of, relative))
+    names = (kernels._name(of), of, kernels._name(relative), relative, axes)
+    if request.tolerance is not None or request.size is not None or correction != "NONE":
+        return fit.translation(kernels, names, bounds, request.tolerance, request.size, request.layout, correction)
+    found = extracted(kernels, of, relative, axes, bounds)
+    facts: dict[str, Any] = {"notes": found.notes}
+    reference = reference_day(bounds[0])
+    if request.compose and all(leg.series == 3 for leg in found.legs) and len(found.legs) > 1:
+        legs = [compose.composed(found.legs, *(x - reference for x in bounds))]
+        facts["method"] = f"{EXTRACTION}, {len(found.legs)} legs composed in double-double"
+    else:
+        legs = [build.in_metres(leg) for leg in build.combine(found.legs)]
+    return kernels._table(TranslationTable, "translation", names, bounds, legs, found.pieces, facts)
+
+
+def extracted(kernels: "Kernels", of: int, relative: int, axes: str, bounds: tuple[Fraction, Fraction]) -> Extracted:
+    """Return the legs from one body to another, in km, one for each link of the chain.
+
+    Raises:
+        NoPathError: If the bodies are not connected, or a segment is not made of polynomials.
+        CoverageError: If the kernels do not cover the span.
+    """
+    legs, pieces, notes = [], [], []
+    for sign, own in translation_legs(of, relative, kernels._segments, *bounds, kernels._name):
+        parts = [(piece, kernels._rotation(piece.segment, axes)) for piece in own]
+        leg, said = kernels._join(parts, sign, bounds[0])
+        legs.append(leg)
+        pieces += own
+        notes += said
+    return Extracted(legs, pieces, tuple(dict.fromkeys(notes)))
