@@ -85,7 +85,7 @@ class StateModel:
         chosen = np.array(DEGREES)
         if self.positions:
             position = np.cumsum(t[..., None] * c, 1)[:, chosen]
-            rate = np.cumsum(slopes(s)[..., None] * c, 1)[:, chosen] / radius[:, None, None]
+            rate = np.cumsum(slopes(s, NODES)[..., None] * c, 1)[:, chosen] / radius[:, None, None]
         else:
             position = np.cumsum(integrals(s)[..., None] * c, 1)[:, chosen - 1] * radius[:, None, None] + fitted["constant"][which]
             rate = np.cumsum(t[..., None] * c, 1)[:, chosen - 1]
@@ -122,9 +122,9 @@ def integrals(s: np.ndarray) -> np.ndarray:
     return out
 
 
-def slopes(s: np.ndarray) -> np.ndarray:
-    """Return the derivatives of T_0 .. T_{NODES-1} at s, [..., NODES]."""
-    return np.stack([np.polynomial.chebyshev.chebval(s, np.polynomial.chebyshev.chebder(row)) for row in np.eye(NODES)], -1)
+def slopes(s: np.ndarray, count: int) -> np.ndarray:
+    """Return the derivatives of T_0 .. T_{count-1} at s, [..., count]."""
+    return np.stack([np.polynomial.chebyshev.chebval(s, np.polynomial.chebyshev.chebder(row)) for row in np.eye(count)], -1)
 
 
 def translation(

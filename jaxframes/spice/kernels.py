@@ -25,12 +25,12 @@ from jaxframes.spice.legs import to_leg
 from jaxframes.spice.process import CspiceError, KernelProcess
 from jaxframes.spice.search import Tolerance
 from jaxframes.spice.segments import Piece, Segment, coverage
-from jaxframes.spice.tables import OrientationTable, TranslationTable
+from jaxframes.spice.tables import Table, TranslationTable
 from jaxframes.spice.times import Instant, exact_seconds, pairs, reference_day, span_text
 
 SOLAR_SYSTEM_BARYCENTER = ("SSB", "SOLAR SYSTEM BARYCENTER", "SOLAR_SYSTEM_BARYCENTER")
 
-T = TypeVar("T", TranslationTable, OrientationTable)
+T = TypeVar("T", bound=Table)
 
 
 class Kernels:
@@ -147,28 +147,46 @@ class Kernels:
             self, translate.Request(target, center, frame, start, stop, tolerance, size, layout, correction, compose)
         )
 
-    def orientation(self, *, frame: str, relative_to: str = "J2000", start: Instant | None = None, stop: Instant | None = None) -> Any:
+    def orientation(
+        self,
+        *,
+        frame: str,
+        relative_to: str = "J2000",
+        start: Instant | None = None,
+        stop: Instant | None = None,
+        ck: str = "smooth",
+        tolerance: Tolerance | None = None,
+        layout: str = "uniform",
+        bridge: float | None = None,
+    ) -> Any:
         """Return the edge that carries a frame's orientation.
 
         A binary PCK is extracted record by record, a text PCK becomes its analytic model (exact, at every instant: ``start`` and
-        ``stop`` are not used), and frames that do not turn against each other become ``jf.edges.Fixed``: inertial ones, and those
-        given by fixed offsets (TK) from a common frame.
+        ``stop`` are not used), C-kernels of types 1 to 3 become knot tables, gaps kept, and frames that do not turn against each other
+        become ``jf.edges.Fixed``: inertial ones, and those given by fixed offsets (TK) from a common frame. With ``tolerance`` a table is
+        fitted to what CSPICE computes, for every other frame: dynamic and switch frames, C-kernels of types 4 to 6, chains.
 
         Args:
             frame: The frame, e.g. ``"ITRF93"``, ``"IAU_MARS"``, ``"ECLIPJ2000"``.
             relative_to: Frame that the parent has the axes of: inertial, or one that ``frame`` is fixed to.
             start: Start of the coverage, as in ``translation``.
             stop: End of the coverage.
+            ck: Between the knots of a C-kernel: ``"smooth"``, attitude, rate and angular acceleration belong together; ``"spice"``, what
+                SPICE computes, whose rate is not the derivative of its attitude.
+            tolerance: Fit to within this angle and rate, with as few bytes as possible.
+            layout: Records of the fit, ``"uniform"`` or ``"dyadic"``.
+            bridge: C-kernels of type 1 have attitudes at instants only: those up to so many seconds apart are joined.
 
         Returns:
-            An ``OrientationTable``, an ``IauOrientation`` or a ``Fixed``, by what the frame is.
+            An ``OrientationTable``, ``IauOrientation``, ``AttitudeTable``, ``CayleyTable`` or ``Fixed``, by what the frame is.
 
         Raises:
             UnknownAxesError: If a frame is unknown.
             NoPathError: If no data orients the frame, or ``relative_to`` turns against it.
             CoverageError: If the kernels do not cover the span.
         """
-        return orient.orientation(self, orient.Request(self._axes(frame), self._axes(relative_to), start, stop))
+        request = orient.Request(self._axes(frame), self._axes(relative_to), start, stop, ck, tolerance, layout, bridge)
+        return orient.orientation(self, request)
 
     def states(
         self, *, target: str | int, center: str | int, times: Any, frame: str = "J2000", correction: str = "NONE"
@@ -207,24 +225,25 @@ class Kernels:
         names: tuple[str, int, str, int, str],
         bounds: tuple[Fraction, Fraction],
         legs: Sequence[build.HostLeg],
-        used: Sequence[Piece],
+        used: Sequence[Piece | Path],
         facts: dict[str, Any] | None = None,
         **more: Any,
     ) -> T:
         reference = reference_day(bounds[0])
-        files = [Path(p) for p in sorted({piece.segment.path for piece in used})] + self._text
+        pieces = [piece for piece in used if isinstance(piece, Piece)]
+        files = sorted({p if isinstance(p, Path) else Path(p.segment.path) for p in used}) + self._text
+        lines = tuple(dict.fromkeys(f"{piece.segment.describe()}, frame id {piece.segment.frame}" for piece in pieces))
         info = Info(
             name,
             *names,
             *(decimal(x) for x in (*bounds, Fraction(reference))),
             sources=tuple(Source(f.name, sha256(f)) for f in files),
-            segments=tuple(dict.fromkeys(f"{piece.segment.describe()}, frame id {piece.segment.frame}" for piece in used)),
             toolkit=self._process.call("version", doing="asking for the version"),
-            **(facts or {}),
+            **{"segments": lines, **(facts or {})},
         )
         made = tuple(to_leg(leg.arrays, leg.series, leg.compares) for leg in legs)
         fields = {"legs": made, "reference": pairs(Fraction(reference)), "span": pairs(*(x - reference for x in bounds)), "info": info}
-        return kind(**fields, **more)
+        return kind(**fields, **more)  # pyright: ignore[reportCallIssue]
 
     def _join(self, parts: list[tuple[Piece, np.ndarray | None]], sign: int, start: Fraction) -> tuple[build.HostLeg, list[str]]:
         records = []

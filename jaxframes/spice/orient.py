@@ -10,10 +10,11 @@ import numpy as np
 from jaxframes.errors import NoPathError
 from jaxframes.numerics.boundary import default_float
 from jaxframes.spatial import Rotation, Transform
-from jaxframes.spice import build
+from jaxframes.spice import build, fit_turns, knots
 from jaxframes.spice.iau_read import has_text_pck, model_axes, no_data, text_pck
 from jaxframes.spice.paths import orientation_pieces
 from jaxframes.spice.process import CspiceError
+from jaxframes.spice.search import Tolerance
 from jaxframes.spice.tables import OrientationTable
 from jaxframes.spice.times import Instant
 from jaxframes.tree.edges.base import Edge
@@ -35,12 +36,20 @@ class Request:
         base: The frame that the parent has the axes of, likewise.
         start: Start of the coverage, None for as early as the kernels have data.
         stop: End of the coverage, likewise.
+        ck: How C-kernels are read between their knots: ``"smooth"`` or ``"spice"``.
+        tolerance: Fit to within these errors instead of what the class of the frame would be read by.
+        layout: Records of such a fit.
+        bridge: For C-kernels of type 1: longest time in seconds to interpolate over.
     """
 
     of: dict[str, Any]
     base: dict[str, Any]
     start: Instant | None
     stop: Instant | None
+    ck: str = "smooth"
+    tolerance: Tolerance | None = None
+    layout: str = "uniform"
+    bridge: float | None = None
 
 
 Maker = Callable[["Kernels", Request], Edge]
@@ -59,6 +68,15 @@ def orientation(kernels: "Kernels", request: Request) -> Any:
             "rotation", of_anchor.axes["name"], base_anchor.axes["name"], doing=f"rotating {of['name']} to {base['name']}"
         )
         return Fixed(_fixed_pose(base_anchor.matrix.T @ np.array(middle) @ of_anchor.matrix))
+    if request.tolerance is not None:
+        return fit_turns.orientation(kernels, request)
+    if of["class"] in (DYNAMIC, SWITCH):
+        raise NoPathError(
+            f"{of['name']} is a {CLASSES[of['class']]} frame: give tolerance=jf.spice.Tolerance(angle=..., rate=...) to have a table fitted to "
+            "what CSPICE computes."
+        )
+    if of["class"] == CK:
+        return knots.attitude(kernels, of, base, request.start, request.stop, request.ck, request.bridge)
     if not base_anchor.inertial:
         raise NoPathError(
             f"relative_to = {base['name']!r} is a {CLASSES.get(base['class'], '?')} frame, which turns; tables have inertial axes. "

@@ -10,8 +10,8 @@ from jaxframes.spice.legs import Leg, from_leg
 UNITS = {"translation": ("m", "m/s", "m/s2"), "orientation": ("rad", "rad/s", "rad/s2")}
 
 
-def report(info: Info, legs: Sequence[Leg]) -> str:
-    """Return the report of a table as text."""
+def report(info: Info, legs: Sequence[Leg], jumps: bool = True) -> str:
+    """Return the report of a table as text, with the jumps between its records if these are plain series."""
     what = "position" if info.kind == "translation" else "orientation"
     what += "" if info.correction == "NONE" else f" (corrected: {info.correction})"
     lines = [
@@ -21,12 +21,15 @@ def report(info: Info, legs: Sequence[Leg]) -> str:
         f"size:     {sum(leg.bytes for leg in legs)} bytes, {legs[0].rows.dtype.name}",
     ]
     for i, leg in enumerate(legs, 1):
-        days = 2 * float(leg.rows[:, -1].max()) / 86400
+        if leg.series not in (3, 6):
+            lines.append(f"leg {i}:    {leg.rows.shape[0]} intervals of up to {float(np.nanmax(leg.rows[:, -1])):.6g} s")
+            continue
+        days = 2 * float(np.nanmax(leg.rows[:, -1])) / 86400
         own = ", velocities of their own" if leg.series == 6 else ""
         lines.append(f"leg {i}:    {leg.rows.shape[0]} records of up to {days:.6g} days, degree {leg.terms - 1}{own}")
-        jumps = record_jumps(leg)
-        if jumps is not None:
-            text = ", ".join(f"{jump:.2g} {unit}" for jump, unit in zip(jumps, UNITS[info.kind], strict=True))
+        sizes = record_jumps(leg) if jumps else None
+        if sizes is not None:
+            text = ", ".join(f"{size:.2g} {unit}" for size, unit in zip(sizes, UNITS[info.kind], strict=True))
             lines.append(f"          largest jumps between records: {text}")
     lines += [f"measured: {name}: {value:.3g}" for name, value in info.measured]
     lines += [f"note:     {text}" for text in info.notes]

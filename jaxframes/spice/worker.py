@@ -177,6 +177,71 @@ class Reader:
         found = [self.spice.xf2rav(self.spice.sxform(relative_to, frame, float(t))) for t in times]
         return self.numpy.array([m.T for m, _ in found]), self.numpy.array([w for _, w in found])
 
+    def turns_where(self, frame: str, relative_to: str, times: Any) -> Any:
+        """Return what ``turns`` does, NaN at the epochs that CSPICE has no answer for."""
+        rotations, rates = self.numpy.full((len(times), 3, 3), self.numpy.nan), self.numpy.full((len(times), 3), self.numpy.nan)
+        for i, t in enumerate(times):
+            try:
+                matrix, rate = self.spice.xf2rav(self.spice.sxform(relative_to, frame, float(t)))
+            except self.spice.exceptions.SpiceyError:
+                continue
+            rotations[i], rates[i] = matrix.T, rate
+        return rotations, rates
+
+    def ck_segments(self) -> list[dict[str, Any]]:
+        """Return the segments of all C-kernels loaded, in order of loading; times are encoded ticks."""
+        found = []
+        for i in range(self.spice.ktotal("CK")):
+            path, _, _, handle = self.spice.kdata(i, "CK")[:4]
+            size, before = os.path.getsize(path), len(found)
+            self.spice.dafbfs(handle)
+            while self.spice.daffna():
+                if len(found) - before >= MOST_SEGMENTS:
+                    raise RuntimeError("the file's list of segments does not end")
+                dc, ic = self.spice.dafus(self.spice.dafgs(), 2, 6)
+                instrument, frame, data_type, rates, first, last = (int(k) for k in ic)
+                if not 0 < first <= last or last * 8 > size:
+                    raise RuntimeError(f"a segment of {path} lies outside the file")
+                found.append(
+                    {
+                        "path": path,
+                        "handle": handle,
+                        "instrument": instrument,
+                        "frame": frame,
+                        "type": data_type,
+                        "has_rates": bool(rates) or data_type == 2,
+                        "begin": float(dc[0]),
+                        "end": float(dc[1]),
+                        "first": first,
+                        "last": last,
+                        "name": self.spice.dafgn(64).strip(),
+                    }
+                )
+        return found
+
+    def ck_windows(self, path: str, instrument: int) -> list[tuple[float, float]]:
+        """Return the spans of ET seconds that a C-kernel covers an instrument in, rates included."""
+        cover = self.spice.ckcov(path, instrument, True, "INTERVAL", 0.0, "TDB")
+        return [tuple(self.spice.wnfetd(cover, i)) for i in range(self.spice.wncard(cover))]
+
+    def clock(self, ck_id: int) -> int:
+        """Return the id of the clock that a CK id counts in."""
+        return int(self.spice.ckmeta(ck_id, "SCLK"))
+
+    def ticks_to_et(self, clock: int, ticks: Any) -> Any:
+        """Return ET seconds of encoded ticks."""
+        return self.numpy.array([self.spice.sct2e(clock, float(t)) for t in ticks])
+
+    def numbers(self, name: str) -> list[float]:
+        """Return the numbers of a kernel variable, none if it does not exist; times given as text become ET seconds."""
+        try:
+            count, kind = self.spice.dtpool(name)
+        except self.spice.NotFoundError:
+            return []
+        if kind == "N":
+            return [float(x) for x in self.spice.gdpool(name, 0, count)]
+        return [float(self.spice.str2et(x)) for x in self.spice.gcpool(name, 0, count)]
+
 
 def serve(requests: BinaryIO, answers: BinaryIO) -> None:
     """Answer requests (method, arguments) until the stream ends."""

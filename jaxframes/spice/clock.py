@@ -1,0 +1,88 @@
+"""Spacecraft clocks: encoded ticks to ET in two parts, and where a clock's rate changes."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from jaxframes.errors import MissingKernelError
+from jaxframes.spice import doubles
+from jaxframes.spice.process import CspiceError
+
+if TYPE_CHECKING:
+    from jaxframes.spice.kernels import Kernels
+
+TDB, TT = 1, 2
+AGREES = 1e-6  # seconds that the coefficients may differ from CSPICE's own conversion
+
+
+@dataclass(frozen=True)
+class Clock:
+    """A spacecraft clock.
+
+    Attributes:
+        id: Its SPICE id.
+        ticks: Where each piece of its rate begins, encoded ticks [n]; empty where CSPICE converts.
+        seconds: The parallel time there.
+        rates: Seconds a tick from there on, in two parts [2, n].
+        tt_offsets: Whether the parallel time is TT, and TDB - TT is to be added.
+    """
+
+    kernels: "Kernels"
+    id: int
+    ticks: np.ndarray
+    seconds: np.ndarray
+    rates: np.ndarray
+    terrestrial: tuple[float, ...] | None
+
+    def seconds_of(self, ticks: np.ndarray) -> doubles.Pair:
+        """Return ET of encoded ticks [n], in two parts.
+
+        CSPICE returns one double, 1.2e-7 s apart today: half a microradian of a spinner. The clock's own coefficients give all digits.
+        """
+        if not len(self.ticks):
+            return self._by_cspice(ticks), np.zeros(len(ticks))
+        at = np.clip(np.searchsorted(self.ticks, ticks, "right") - 1, 0, None)
+        past = doubles.two_sum(ticks, -self.ticks[at])
+        moved = doubles.multiply(past, (self.rates[0][at], self.rates[1][at]))
+        found = doubles.add(moved, (self.seconds[at], np.zeros(len(ticks))))
+        if self.terrestrial is not None:
+            k, eb, m0, m1 = self.terrestrial
+            mean = m0 + m1 * found[0]
+            found = doubles.add(found, (k * np.sin(mean + eb * np.sin(mean)), np.zeros(len(ticks))))
+        return found
+
+    def _by_cspice(self, ticks: np.ndarray) -> np.ndarray:
+        return np.asarray(self.kernels._process.call("ticks_to_et", self.id, ticks, doing=f"converting clock {self.id}"), float)
+
+
+def clock_of(kernels: "Kernels", ck_id: int) -> Clock:
+    """Return the clock that a CK id counts in.
+
+    Raises:
+        MissingKernelError: If no SCLK kernel for it is loaded.
+    """
+    number = int(kernels._process.call("clock", ck_id, doing=f"looking up the clock of {ck_id}"))
+    numbers = lambda name: np.asarray(kernels._process.call("numbers", name, doing=f"reading {name}"), float)  # noqa: E731
+    plain = Clock(kernels, number, np.zeros(0), np.zeros(0), np.zeros((2, 0)), None)
+    key = f"_{-number}"
+    table, moduli, system = (numbers(f"SCLK01_{name}{key}") for name in ("COEFFICIENTS", "MODULI", "TIME_SYSTEM"))
+    try:
+        probes = table[::3] if len(table) else np.array([0.0, 1e6])
+        own = plain._by_cspice(probes)
+    except CspiceError as error:
+        if error.short not in ("SPICE(KERNELVARNOTFOUND)", "SPICE(NOLEAPSECONDS)", "SPICE(MISSINGTIMEINFO)"):
+            raise
+        what = "leapseconds kernel (LSK)" if error.short != "SPICE(KERNELVARNOTFOUND)" else "spacecraft clock kernel (SCLK)"
+        raise MissingKernelError(
+            f"C-kernels count time in ticks of clock {number}: load its {what}. CSPICE says {error.short}: {error}"
+        ) from error
+    kind = int(system[0]) if len(system) else TDB
+    lsk = [numbers(f"DELTET/{name}") for name in ("K", "EB", "M")] if kind == TT else []
+    if not len(table) or len(table) % 3 or not len(moduli) or kind not in (TDB, TT) or any(not len(x) for x in lsk):
+        return plain
+    ticks, seconds, rates = table.reshape(-1, 3).T
+    per_major = np.full(len(ticks), float(np.prod(moduli[1:])))
+    pair = doubles.divide((rates, np.zeros(len(rates))), per_major)
+    made = Clock(kernels, number, ticks, seconds, np.array(pair), tuple(float(v) for x in lsk for v in x) if lsk else None)
+    return made if np.abs(made.seconds_of(probes)[0] - own).max() < AGREES else plain

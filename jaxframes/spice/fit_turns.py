@@ -1,0 +1,267 @@
+"""Orientation tables fitted to what CSPICE computes: dynamic and switch frames, C-kernels of every type, chains of frames."""
+
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxframes.errors import CoverageError, NoPathError
+from jaxframes.numerics.boundary import default_float
+from jaxframes.spice import build
+from jaxframes.spice import quaternions as quat
+from jaxframes.spice.attitude import CayleyTable
+from jaxframes.spice.ck import segments_of
+from jaxframes.spice.clock import clock_of
+from jaxframes.spice.fit import slopes, spread, wanted
+from jaxframes.spice.search import DEGREES, Choice, Part, search
+from jaxframes.spice.times import exact_seconds, reference_day, span_text, two_parts
+
+if TYPE_CHECKING:
+    from jaxframes.spice.kernels import Kernels
+    from jaxframes.spice.orient import Request
+
+PCK, CK, SWITCH = 2, 3, 6
+NODES = 19  # odd: one lies in the middle of the record
+PROBES = 513  # epochs at which it is asked where there are data at all
+SHRINK = Fraction(1, 10**6)  # seconds off both ends of a C-kernel's windows, which CSPICE rounds
+SLOPES = 300
+
+
+class TurnModel:
+    """Attitudes o_T_p and angular velocities in o axes, as the Cayley vector of the turn from a uniformly spinning reference."""
+
+    kind = "orientation"
+    extras = 8
+    scale = 1.0
+
+    def __init__(self, kernels: "Kernels", of: str, base: str):
+        self.kernels, self.of, self.base = kernels, of, base
+
+    def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return quaternions [m, 4] and angular velocities [m, 3] at epochs [m]."""
+        doing = "computing orientations for a fit"
+        matrices, rates = self.kernels._process.call("turns", self.of, self.base, times, doing=doing)
+        return quat.from_matrices(matrices), rates
+
+    def fit(self, a: np.ndarray, b: np.ndarray) -> dict[str, np.ndarray]:
+        """Return records between a and b: middles, radii, Cayley series [n, NODES, 3], quaternion and rate of the reference."""
+        middle, radius, times = spread(a, b, NODES)
+        q, w = self.sample(times.reshape(-1))
+        q, w = q.reshape(*times.shape, 4), w.reshape(*times.shape, 3)
+        fitted = {"middle": middle, "radius": radius, "q": q[:, NODES // 2], "spin": w.mean(1)}
+        g = _offset(q, _reference(fitted, np.arange(len(a))[:, None], times))
+        s = (times - middle[:, None]) / radius[:, None]
+        basis = np.polynomial.chebyshev.chebvander(s, NODES - 1)
+        return {**fitted, "c": np.linalg.solve(basis, g)}
+
+    def errors(self, fitted: Any, which: np.ndarray, times: np.ndarray, values: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """Return errors of angle and rate [2, degrees, m]."""
+        radius = fitted["radius"][which]
+        s = (times - fitted["middle"][which]) / radius
+        c, chosen = fitted["c"][which], np.array(DEGREES)
+        t = np.polynomial.chebyshev.chebvander(s, NODES - 1)
+        g = np.cumsum(t[..., None] * c, 1)[:, chosen]
+        rate = np.cumsum(slopes(s, NODES)[..., None] * c, 1)[:, chosen] / radius[:, None, None]
+        true = _offset(values, _reference(fitted, which, times))[:, None]
+        between = (g - true) - np.cross(g - true, true)
+        angle = 2 * np.arctan2(np.linalg.norm(between, axis=2), 1 + (g * true).sum(2))
+        w, _ = _rates(g, rate, np.zeros_like(g), fitted["spin"][which][:, None])
+        return np.stack([angle, np.linalg.norm(w - rates[:, None], axis=2)]).transpose(0, 2, 1)
+
+    def acceleration(self, found: Choice) -> tuple[str, float]:
+        """Return the largest difference of angular accelerations from differences of CSPICE's angular velocities."""
+        rng, fitted = np.random.default_rng(2), found.fitted
+        a, b = np.array([[float(x) for x in span] for span in found.spans]).T
+        which = rng.integers(0, len(a), SLOPES)
+        h = 2.0 ** np.floor(np.log2(np.maximum((b - a)[which] / 64, 1e-6)))
+        times = (a + b)[which] / 2 + rng.uniform(-0.4, 0.4, SLOPES) * (b - a)[which]
+        stencil = np.stack([times + k * h for k in (-2, -1, 1, 2)])
+        _, w = self.sample(stencil.reshape(-1))
+        w, d = w.reshape(4, -1, 3), stencil - times
+        reference = (w[0] - 8 * w[1] + 8 * w[2] - w[3]) / (12 * (d[2] - d[1])[:, None] / 2)
+        radius = fitted["radius"][which]
+        s, c = (times - fitted["middle"][which]) / radius, fitted["c"][which][:, : found.degree + 1].transpose(1, 2, 0)
+        chebyshev = np.polynomial.chebyshev
+        g, g1, g2 = (chebyshev.chebval(s, chebyshev.chebder(c, k), tensor=False).T / radius[:, None] ** k for k in range(3))
+        _, alpha = _rates(g, g1, g2, fitted["spin"][which])
+        name = f"angular acceleration error, rad/s2 (differences of CSPICE's rates, {h.min():.3g} s)"
+        return name, float(np.linalg.norm(alpha - reference, axis=1).max())
+
+
+def _reference(fitted: dict[str, np.ndarray], which: np.ndarray, times: np.ndarray) -> np.ndarray:
+    spin = fitted["spin"][which] * (times - fitted["middle"][which])[..., None]
+    return quat.multiply(quat.turned(spin), np.broadcast_to(fitted["q"][which], (*times.shape, 4)))
+
+
+def _offset(q: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """Return Cayley vectors of q before a reference."""
+    d = quat.multiply(q, quat.conjugate(reference))
+    return d[..., 1:] / np.where(np.abs(d[..., :1]) < 1e-9, 1e-9, d[..., :1])
+
+
+def _rates(g: np.ndarray, g1: np.ndarray, g2: np.ndarray, spin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return angular velocity and acceleration; the formulas are those of ``attitude._cayley``."""
+    square = 1 + (g * g).sum(-1, keepdims=True)
+    own = 2 * (g1 + np.cross(g, g1)) / square
+    own2 = 2 * (g2 + np.cross(g, g2)) / square - 2 * own * (g * g1).sum(-1, keepdims=True) / square
+    spin = np.broadcast_to(spin, g.shape)
+    carried = spin + 2 * (np.cross(g, spin) + np.cross(g, np.cross(g, spin))) / square
+    return own + carried, own2 + np.cross(own, carried)
+
+
+def orientation(kernels: "Kernels", request: "Request") -> CayleyTable:
+    """Return a fitted table.
+
+    Raises:
+        ToleranceError: If no table is as good.
+        CoverageError: If CSPICE has no answer anywhere in the span, or nothing says how long the table is to be.
+    """
+    of, base = request.of, request.base
+    assert request.tolerance is not None
+    limits = request.tolerance.bounds("orientation")
+    stretches, files = _stretches(kernels, request)
+    bounds = (stretches[0][0], stretches[-1][1])
+    parts, unit = _parts(kernels, of, stretches)
+    model = TurnModel(kernels, of["name"], base["name"])
+    aim = f"{of['name']} relative to {base['name']} over {span_text(*bounds)}"
+    found = search(model, parts, unit, limits, None, request.layout, aim)
+    gaps = [(a[1], b[0]) for a, b in zip(stretches, stretches[1:], strict=False)]
+    leg, spins = _leg(found, reference_day(bounds[0]))
+    measured = (("angle error, rad", found.worst[0]), ("rate error, rad/s", found.worst[1]), model.acceleration(found))
+    notes = [wanted(limits, None, found, model.extras), *(f"gap: {span_text(*gap)}" for gap in gaps[:20])]
+    notes += [f"{len(gaps)} gaps in all"] if gaps else []
+    facts = {"method": f"{request.layout} fit of CSPICE's orientations, Cayley vectors", "measured": measured, "notes": tuple(notes)}
+    names = (of["name"], of["id"], base["name"], base["id"], base["name"])
+    spun = jnp.asarray(spins, default_float())
+    return kernels._table(CayleyTable, "cayley", names, bounds, [leg], files, facts, spins=spun)
+
+
+def _leg(found: Choice, reference: int) -> tuple[build.HostLeg, np.ndarray]:
+    """Return the leg and the reference spins [n, 8]; a gap is a row whose length is NaN."""
+    fitted, n = found.fitted, len(found.spans)
+    rate = np.linalg.norm(fitted["spin"], axis=1)
+    axis = np.where(rate[:, None] > 0, fitted["spin"] / np.where(rate > 0, rate, 1.0)[:, None], np.array([1.0, 0.0, 0.0]))
+    spins = np.concatenate([fitted["q"], axis, rate[:, None] / 2], 1)
+    hi = fitted["middle"] - reference
+    back = hi - fitted["middle"]
+    lo = (fitted["middle"] - (hi - back)) + (-float(reference) - back)
+    series = fitted["c"][:, : found.degree + 1].reshape(n, -1)
+    rows = np.concatenate([series, hi[:, None], lo[:, None], fitted["radius"][:, None]], 1)
+    if found.grid is not None:
+        origin, step = found.grid
+        return build.HostLeg({"rows": rows, "grid": np.array([*two_parts(origin - reference), float(step)])}, 3, 0), spins
+    starts, row_parts, spin_parts, at = [], [], [], 0
+    nothing, still = np.zeros((1, rows.shape[1])), np.array([[1.0, 0, 0, 0, 1.0, 0, 0, 0]])
+    nothing[0, -1] = np.nan
+    for i in range(1, n + 1):
+        if i == n or found.spans[i][0] > found.spans[i - 1][1]:
+            starts += [span[0] - reference for span in found.spans[at:i]]
+            row_parts.append(rows[at:i])
+            spin_parts.append(spins[at:i])
+            if i < n:
+                starts.append(found.spans[i - 1][1] - reference)
+                row_parts.append(nothing)
+                spin_parts.append(still)
+            at = i
+    index, compares = build.index(starts, found.spans[-1][1] - reference)
+    return build.HostLeg({"rows": np.concatenate(row_parts), **index}, 3, compares), np.concatenate(spin_parts)
+
+
+def _stretches(kernels: "Kernels", request: "Request") -> tuple[list[tuple[Fraction, Fraction]], list[Path]]:
+    """Return the stretches within the span where CSPICE has an answer, cut where a frame switches, and the files that hold the data."""
+    of = request.of
+    low = exact_seconds(request.start, "start") if request.start is not None else None
+    high = exact_seconds(request.stop, "stop") if request.stop is not None else None
+    windows: list[tuple[Fraction, Fraction]] = []
+    files: list[Path] = []
+    if of["class"] == CK:
+        clock_of(kernels, of["class_id"])  # says which kernel is missing
+        names = dict.fromkeys(s.path for s in segments_of(kernels, of["class_id"]))
+        if not names:
+            raise NoPathError(f"No C-kernel segment for {of['name']} (CK id {of['class_id']}) is loaded: load the C-kernel (.bc) of this frame.")
+        for path in names:
+            found = kernels._process.call("ck_windows", path, of["class_id"], doing=f"reading the coverage of {Path(path).name}")
+            windows += [(Fraction(a) + SHRINK, Fraction(b) - SHRINK) for a, b in found]
+            files.append(Path(path))
+        windows = _merged(windows)
+    elif low is None or high is None:
+        raise CoverageError(f"{of['name']} has no coverage of its own: give start= and stop=.")
+    if low is not None and high is not None and low >= high:
+        raise CoverageError(f"start lies at or after stop: {span_text(low, high)}. A table needs a span of time.")
+    if windows:
+        windows = [(a if low is None else max(a, low), b if high is None else min(b, high)) for a, b in windows]
+    else:
+        assert low is not None
+        assert high is not None
+        windows = [(low, high)] if of["class"] != CK else []
+    cuts = _switches(kernels, of) if of["class"] == SWITCH else []
+    out: list[tuple[Fraction, Fraction]] = []
+    each = max(PROBES // max(len(windows), 1), 9)
+    for a, b in windows:
+        if b - a > 4 * SHRINK:
+            edges = [a, *(c for c in cuts if a < c < b), b]
+            for c, d in zip(edges, edges[1:], strict=False):
+                # A switch happens between two doubles: leave the instant itself to the stretch that it starts.
+                out += _valid(kernels, request, c, d - (SHRINK if d != b else 0), each)
+    if not out:
+        raise CoverageError(f"CSPICE has no orientation of {of['name']} relative to {request.base['name']} anywhere in the span asked for.")
+    return out, files
+
+
+def _valid(kernels: "Kernels", request: "Request", start: Fraction, stop: Fraction, count: int) -> list[tuple[Fraction, Fraction]]:
+    """Return the stretches between two instants where CSPICE has an answer, found by probing and halving."""
+
+    def there(times: np.ndarray) -> np.ndarray:
+        names = (request.of["name"], request.base["name"])
+        rotations, _ = kernels._process.call("turns_where", *names, times, doing="looking for orientations")
+        return np.isfinite(rotations).all((1, 2))
+
+    times = np.linspace(float(start), float(stop), count)
+    good = there(times)
+    if good.all():
+        return [(start, stop)]
+    changes = np.flatnonzero(good[1:] != good[:-1])
+    if not good.any():
+        return []
+    inside, outside = (np.where(good[changes] == flag, times[changes], times[changes + 1]) for flag in (True, False))
+    for _ in range(60):
+        middle = (inside + outside) / 2
+        if not (np.abs(inside - outside) > float(SHRINK)).any():
+            break
+        ok = there(middle)
+        inside, outside = np.where(ok, middle, inside), np.where(ok, outside, middle)
+    edges = [start] * bool(good[0]) + [Fraction(float(x)) for x in inside] + [stop] * bool(good[-1])
+    return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 4 * SHRINK]
+
+
+def _switches(kernels: "Kernels", of: dict[str, Any]) -> list[Fraction]:
+    """Return the instants at which a switch frame changes the frame that it follows."""
+    found = []
+    for end in ("START", "STOP"):
+        for key in (of["id"], of["name"]):
+            found += kernels._process.call("numbers", f"FRAME_{key}_{end}", doing=f"reading when {of['name']} switches")
+    return sorted({Fraction(x) for x in found})
+
+
+def _merged(windows: list[tuple[Fraction, Fraction]]) -> list[tuple[Fraction, Fraction]]:
+    out: list[tuple[Fraction, Fraction]] = []
+    for a, b in sorted(windows):
+        if out and a <= out[-1][1] + 2 * SHRINK:
+            out[-1] = (out[-1][0], max(b, out[-1][1]))
+        else:
+            out.append((a, b))
+    return out
+
+
+def _parts(kernels: "Kernels", of: dict[str, Any], stretches: list[tuple[Fraction, Fraction]]) -> tuple[list[Part], Fraction]:
+    """Return the parts to fit, laid on the records of a binary PCK where one orients the frame, and the record length to start from."""
+    own = [s for s in kernels._segments if s.kind == "PCK" and s.body == of["class_id"]] if of["class"] == PCK else []
+    cuts = sorted({Fraction(x) for s in own for x in (s.begin, s.end)})
+    edges = [[a, *(c for c in cuts if a < c < b), b] for a, b in stretches]
+    pairs = [(a, b) for run in edges for a, b in zip(run, run[1:], strict=False)]
+    if not own:
+        return [Part(a, b, a) for a, b in pairs], max(b - a for a, b in stretches)
+    origin, length = min((s.grid()[:2] for s in own), key=lambda grid: grid[1])
+    return [Part(a, b, Fraction(origin)) for a, b in pairs], Fraction(length)

@@ -1,0 +1,191 @@
+"""Making attitude tables of C-kernels: which segments serve, knots in time, gaps."""
+
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jaxframes.errors import CoverageError, NoPathError
+from jaxframes.spice import build, doubles
+from jaxframes.spice import quaternions as quat
+from jaxframes.spice.attitude import MODES, AttitudeTable
+from jaxframes.spice.ck import KNOTS, CkSegment, Intervals, layered, read_intervals, segments_of
+from jaxframes.spice.clock import Clock, clock_of
+from jaxframes.spice.times import exact_seconds, reference_day, span_text
+
+if TYPE_CHECKING:
+    from jaxframes.spice.kernels import Kernels
+
+GRACE = Fraction(1, 10**6)
+"""A gap starts so many seconds after the data end: the last instant belongs to the data, however an epoch is rounded."""
+
+
+def serving(kernels: "Kernels", of: dict[str, Any]) -> list[CkSegment]:
+    """Return the C-kernel segments of a frame.
+
+    Raises:
+        NoPathError: If none is loaded.
+    """
+    found = segments_of(kernels, of["class_id"])
+    if not found:
+        raise NoPathError(f"No C-kernel segment for {of['name']} (CK id {of['class_id']}) is loaded: load the C-kernel (.bc) of this frame.")
+    return found
+
+
+def attitude(
+    kernels: "Kernels", of: dict[str, Any], base: dict[str, Any], start: Any, stop: Any, ck: str, bridge: float | None
+) -> AttitudeTable:
+    """Return the edge of a CK frame from segments of types 1 to 3.
+
+    Raises:
+        NoPathError: If segments are of other types, or relative to a frame that turns against ``base``.
+        CoverageError: If there are no data in the span.
+        MissingKernelError: If the clock is not known.
+    """
+    if ck not in MODES:
+        raise NoPathError(f"ck={ck!r}: attitudes between knots are 'smooth' or as 'spice' has them.")
+    segments = serving(kernels, of)
+    clock = clock_of(kernels, of["class_id"])
+    low = exact_seconds(start, "start") if start is not None else None
+    high = exact_seconds(stop, "stop") if stop is not None else None
+    if low is not None and high is not None and low >= high:
+        raise CoverageError(f"start lies at or after stop: {span_text(low, high)}. A table needs a span of time.")
+    begins, ends = (clock.seconds_of(np.array([getattr(s, name) for s in segments]))[0] for name in ("begin", "end"))
+    touching = [
+        s for s, b, e in zip(segments, begins, ends, strict=True) if (high is None or b <= float(high)) and (low is None or e >= float(low))
+    ]
+    others = [s for s in touching if s.type not in KNOTS]
+    if others:
+        raise NoPathError(
+            f"{others[0].describe()} is neither of type 1, 2 nor 3: give tolerance=jf.spice.Tolerance(angle=..., rate=...) to have a table fitted."
+        )
+    runs = [(s, _in_base(kernels, s, _read(kernels, s, clock, bridge), of, base)) for s in touching]
+    intervals, used = layered([r for r in runs if len(r[1].start)], -np.inf, np.inf)
+    if intervals is None:
+        raise CoverageError(_nothing(of, low, high, begins, ends))
+    intervals = _split(intervals, clock.ticks)
+    t0, t1 = clock.seconds_of(intervals.start), clock.seconds_of(intervals.stop)
+    keep = np.flatnonzero((t1[0] > (-np.inf if low is None else float(low))) & (t0[0] < (np.inf if high is None else float(high))))
+    if not len(keep):
+        raise CoverageError(_nothing(of, low, high, begins, ends))
+    intervals, t0, t1 = intervals.take(keep), (t0[0][keep], t0[1][keep]), (t1[0][keep], t1[1][keep])
+    first, last = (Fraction(t[0][i]) + Fraction(t[1][i]) for t, i in ((t0, 0), (t1, -1)))
+    bounds = (first if low is None else max(first, low), last if high is None else min(last, high))
+    reference = reference_day(bounds[0])
+    starts, rows, gaps = _rows(intervals, t0, t1, reference, ck)
+    index, compares = build.index(starts, last - reference)
+    leg = build.HostLeg({"rows": rows, **index}, rows.shape[1] - 3, compares)
+    facts = {
+        "method": f"knots of C-kernels, ck={ck!r}",
+        "measured": _measured(intervals, t0, t1),
+        "notes": _notes(used, gaps, (low, high), bounds),
+        "segments": tuple(f"{s.describe()}, frame id {s.frame}" for s in used),
+    }
+    names = (of["name"], of["id"], base["name"], base["id"], base["name"])
+    files = [Path(p) for p in sorted({s.path for s in used})]
+    return kernels._table(AttitudeTable, "knots", names, bounds, [leg], files, facts, mode=ck)
+
+
+def _read(kernels: "Kernels", segment: CkSegment, clock: Clock, bridge: float | None) -> Intervals:
+    a, b = clock.seconds_of(np.array([segment.begin, segment.end]))[0]
+    tick = (b - a) / (segment.end - segment.begin) if segment.end > segment.begin else 1.0
+    return read_intervals(kernels, segment, float(tick), bridge)
+
+
+def _in_base(kernels: "Kernels", segment: CkSegment, intervals: Intervals, of: dict[str, Any], base: dict[str, Any]) -> Intervals:
+    """Return intervals turned from a segment's own base frame into the one asked for."""
+    if segment.frame == base["id"]:
+        return intervals
+    own = kernels._process.call("frame", str(segment.frame), doing=f"looking up frame {segment.frame}")
+    if own is None or own["class"] != 1 or base["class"] != 1:
+        label = str(segment.frame) if own is None else own["name"]
+        raise NoPathError(
+            f"{segment.describe()} orients {of['name']} relative to {label}, not {base['name']}: ask for relative_to={label!r} and add the "
+            "other orientation as an edge of its own, or give tolerance=jf.spice.Tolerance(angle=..., rate=...) to have the chain fitted."
+        )
+    matrix = np.array(kernels._process.call("rotation", own["name"], base["name"], doing=f"rotating {own['name']}"))
+    turn = np.broadcast_to(quat.from_matrices(matrix[None]), intervals.q.shape)
+    vectors = (quat.rotate(turn, v) for v in (intervals.turn, intervals.w0, intervals.w1))
+    return Intervals(intervals.start, intervals.stop, quat.multiply(turn, intervals.q), *vectors)
+
+
+def _split(intervals: Intervals, cuts: np.ndarray) -> Intervals:
+    """Return intervals cut where the clock changes its rate: SPICE interpolates in ticks, a table in seconds."""
+    for cut in cuts:
+        inside = np.flatnonzero((intervals.start < cut) & (intervals.stop > cut))
+        if len(inside):
+            one = intervals.take(inside)
+            low, high = (np.full(len(inside), v) for v in (-np.inf, np.inf))
+            at = np.full(len(inside), float(cut))
+            others = intervals.take(np.setdiff1d(np.arange(len(intervals.start)), inside))
+            intervals = Intervals.joined([others, one.cut(low, at), one.cut(at, high)])
+    return intervals
+
+
+def _rows(
+    intervals: Intervals, t0: doubles.Pair, t1: doubles.Pair, reference: int, ck: str
+) -> tuple[list[Fraction], np.ndarray, list[tuple[Fraction, Fraction]]]:
+    """Return where each row starts to serve, seconds past the reference, the rows, and the gaps (ET)."""
+    past = doubles.add(t0, (np.full(len(t0[0]), -float(reference)), np.zeros(len(t0[0]))))
+    length = doubles.add(t1, (-t0[0], -t0[1]))[0]
+    half = np.linalg.norm(intervals.turn, axis=1) / 2
+    axis = np.where(half[:, None] > 0, intervals.turn / np.where(half > 0, 2 * half, 1.0)[:, None], np.array([1.0, 0.0, 0.0]))
+    mean = intervals.turn / length[:, None]
+    if ck == "spice":
+        vectors = (intervals.w0, intervals.w1)
+    else:
+        vectors = tuple((w - mean) * (length[:, None] / 2) for w in (intervals.w0, intervals.w1))
+    rows = np.concatenate([intervals.q, axis, half[:, None], *vectors, past[0][:, None], past[1][:, None], length[:, None]], 1)
+    exact = [Fraction(a) + Fraction(b) for a, b in zip(*past, strict=True)]
+    ends = [Fraction(a) + Fraction(b) - reference for a, b in zip(*t1, strict=True)]
+    out, starts, gaps = [], [], []
+    nothing = np.zeros(rows.shape[1])
+    nothing[[0, 4]], nothing[-1] = 1.0, np.nan
+    empty = np.flatnonzero(t0[0][1:] - t1[0][:-1] > 2 * float(GRACE))
+    at = 0
+    for i in empty:
+        out += [rows[at : i + 1], nothing[None]]
+        starts += [*exact[at : i + 1], ends[i] + GRACE]
+        gaps.append((ends[i] + reference, exact[i + 1] + reference))
+        at = int(i) + 1
+    out.append(rows[at:])
+    starts += exact[at:]
+    return starts, np.concatenate(out), gaps
+
+
+def _measured(intervals: Intervals, t0: doubles.Pair, t1: doubles.Pair) -> tuple[tuple[str, float], ...]:
+    """Return how far the kernel's own rates are from the derivative of slerp, and its jumps where intervals touch."""
+    length = (t1[0] - t0[0]) + (t1[1] - t0[1])
+    mean = intervals.turn / length[:, None]
+    apart = max(float(np.linalg.norm(w - mean, axis=1).max()) for w in (intervals.w0, intervals.w1))
+    end = quat.multiply(quat.turned(intervals.turn), intervals.q)
+    touch = np.abs(t0[0][1:] - t1[0][:-1]) <= 2 * float(GRACE)
+    gap = quat.vector_of(quat.multiply(intervals.q[1:], quat.conjugate(end[:-1])))[touch]
+    step = (intervals.w0[1:] - intervals.w1[:-1])[touch]
+    jumps = [float(np.linalg.norm(x, axis=1).max(initial=0.0)) for x in (gap, step)]
+    return (
+        ("kernel's rates against the derivative of slerp, rad/s", apart),
+        ("kernel's own jumps in attitude between intervals, rad", jumps[0]),
+        ("kernel's own jumps in rate between intervals, rad/s", jumps[1]),
+    )
+
+
+def _notes(
+    used: list[CkSegment],
+    gaps: list[tuple[Fraction, Fraction]],
+    asked: tuple[Fraction | None, Fraction | None],
+    bounds: tuple[Fraction, Fraction],
+) -> tuple[str, ...]:
+    notes = [f"gap: {span_text(*gap)}" for gap in gaps[:20]]
+    notes += [f"{len(gaps)} gaps in all"] if gaps else []
+    short = [b for a, b in zip(asked, bounds, strict=True) if a is not None and a != b]
+    notes += [f"the data cover {span_text(*bounds)} of the span asked for"] if short else []
+    notes += [f"{s.describe()} has no angular velocities: they are estimated from its attitudes" for s in used if not s.has_rates]
+    return tuple(notes)
+
+
+def _nothing(of: dict[str, Any], low: Fraction | None, high: Fraction | None, begins: np.ndarray, ends: np.ndarray) -> str:
+    have = "; ".join(span_text(Fraction(a), Fraction(b)) for a, b in sorted(zip(begins.tolist(), ends.tolist(), strict=True))[:5])
+    asked = span_text(low, high) if low is not None and high is not None else "all there is"
+    return f"The C-kernels loaded hold nothing of {of['name']} in the span asked for.\n  have:    {have}\n  asked:   {asked}"
