@@ -42,6 +42,29 @@ def _fast_two_sum_jvp(primals: tuple[jax.Array, jax.Array], tangents: tuple[jax.
     return fast_two_sum(*primals), (total, jnp.zeros_like(total))
 
 
+@jax.custom_jvp
+def two_product(a: jax.Array, b: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Return (p, e) with p = fl(a b) and p + e = a b exactly (Dekker 1971); e counts as constant in derivatives."""
+    p = lax.optimization_barrier(a * b)
+    (ah, al), (bh, bl) = _halves(a), _halves(b)
+    return p, ((ah * bh - p) + ah * bl + al * bh) + al * bl
+
+
+@two_product.defjvp
+def _two_product_jvp(primals: tuple[jax.Array, jax.Array], tangents: tuple[jax.Array, jax.Array]) -> Any:
+    (a, b), (da, db) = primals, tangents
+    total = da * b + a * db
+    return two_product(a, b), (total, jnp.zeros_like(total))
+
+
+def _halves(a: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Return the upper and lower half of the digits of a number (Veltkamp): their products are exact."""
+    digits = np.finfo(a.dtype).nmant + 1
+    t = lax.optimization_barrier(a * np.array(2.0 ** ((digits + 1) // 2) + 1, a.dtype))
+    high = lax.optimization_barrier(t - lax.optimization_barrier(t - a))
+    return high, a - high
+
+
 def recast_pair(hi: Array, lo: Array, dtype: Any) -> tuple[Array, Array]:
     """Return a number kept in two parts as two parts of another dtype; what the high part loses moves to the low part.
 

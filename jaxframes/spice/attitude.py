@@ -31,6 +31,11 @@ class Attitude(Table):
 
     stacks: ClassVar[bool] = False
 
+    @property
+    def other_bytes(self) -> int:
+        """Size of the arrays beside the legs."""
+        return 0
+
     def motion(self, hi: Any, lo: Any, order: int) -> tuple[Component, ...]:
         """Return the components of quaternion, angular velocity and angular acceleration, behind a fence."""
         raise NotImplementedError
@@ -58,7 +63,7 @@ class Attitude(Table):
 
     def report(self) -> str:
         """Return what the table is made of, in lines."""
-        return report(self.info, self.legs, jumps=False)
+        return report(self.info, self.legs, False, self.other_bytes)
 
     def evaluate(self, time: Any, order: int = 2) -> tuple[jax.Array, ...]:
         """Return the quaternion wxyz [..., 4], angular velocity and angular acceleration [..., 3] in the axes of ``relative_to``.
@@ -133,6 +138,11 @@ class CayleyTable(Attitude):
     span: jax.Array
     spins: jax.Array
     info: Info
+
+    @property
+    def other_bytes(self) -> int:
+        """Size of the arrays beside the legs."""
+        return self.spins.nbytes
 
     def motion(self, hi: Any, lo: Any, order: int) -> tuple[Component, ...]:
         """Return the components of quaternion, angular velocity and angular acceleration, behind a fence."""

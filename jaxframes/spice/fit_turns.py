@@ -26,6 +26,7 @@ PCK, CK, SWITCH = 2, 3, 6
 NODES = 19  # odd: one lies in the middle of the record
 PROBES = 513  # epochs at which it is asked where there are data at all
 SHRINK = Fraction(1, 10**6)  # seconds off both ends of a C-kernel's windows, which CSPICE rounds
+TOUCHING = 3 * SHRINK  # stretches closer than this have no gap between them
 SLOPES = 300
 
 
@@ -127,7 +128,7 @@ def orientation(kernels: "Kernels", request: "Request") -> CayleyTable:
     model = TurnModel(kernels, of["name"], base["name"])
     aim = f"{of['name']} relative to {base['name']} over {span_text(*bounds)}"
     found = search(model, parts, unit, limits, None, request.layout, aim)
-    gaps = [(a[1], b[0]) for a, b in zip(stretches, stretches[1:], strict=False)]
+    gaps = [(a[1], b[0]) for a, b in zip(stretches, stretches[1:], strict=False) if b[0] - a[1] > TOUCHING]
     leg, spins = _leg(found, reference_day(bounds[0]))
     measured = (("angle error, rad", found.worst[0]), ("rate error, rad/s", found.worst[1]), model.acceleration(found))
     notes = [wanted(limits, None, found, model.extras), *(f"gap: {span_text(*gap)}" for gap in gaps[:20])]
@@ -156,7 +157,7 @@ def _leg(found: Choice, reference: int) -> tuple[build.HostLeg, np.ndarray]:
     nothing, still = np.zeros((1, rows.shape[1])), np.array([[1.0, 0, 0, 0, 1.0, 0, 0, 0]])
     nothing[0, -1] = np.nan
     for i in range(1, n + 1):
-        if i == n or found.spans[i][0] > found.spans[i - 1][1]:
+        if i == n or found.spans[i][0] - found.spans[i - 1][1] > TOUCHING:
             starts += [span[0] - reference for span in found.spans[at:i]]
             row_parts.append(rows[at:i])
             spin_parts.append(spins[at:i])
@@ -176,6 +177,7 @@ def _stretches(kernels: "Kernels", request: "Request") -> tuple[list[tuple[Fract
     high = exact_seconds(request.stop, "stop") if request.stop is not None else None
     windows: list[tuple[Fraction, Fraction]] = []
     files: list[Path] = []
+    inertial = False
     if of["class"] == CK:
         clock_of(kernels, of["class_id"])  # says which kernel is missing
         names = dict.fromkeys(s.path for s in segments_of(kernels, of["class_id"]))
@@ -186,7 +188,11 @@ def _stretches(kernels: "Kernels", request: "Request") -> tuple[list[tuple[Fract
             windows += [(Fraction(a) + SHRINK, Fraction(b) - SHRINK) for a, b in found]
             files.append(Path(path))
         windows = _merged(windows)
-    elif low is None or high is None:
+        inertial = all(base is not None and base["class"] == 1 for base in _bases(kernels, of))
+    elif of["class"] == PCK:
+        inertial = True
+        files += [Path(s.path) for s in kernels._segments if s.kind == "PCK" and s.body == of["class_id"]]
+    if of["class"] != CK and (low is None or high is None):
         raise CoverageError(f"{of['name']} has no coverage of its own: give start= and stop=.")
     if low is not None and high is not None and low >= high:
         raise CoverageError(f"start lies at or after stop: {span_text(low, high)}. A table needs a span of time.")
@@ -207,7 +213,15 @@ def _stretches(kernels: "Kernels", request: "Request") -> tuple[list[tuple[Fract
                 out += _valid(kernels, request, c, d - (SHRINK if d != b else 0), each)
     if not out:
         raise CoverageError(f"CSPICE has no orientation of {of['name']} relative to {request.base['name']} anywhere in the span asked for.")
+    if not inertial:  # CSPICE follows the chain: what it read of the files loaded is not known
+        files = [Path(path) for path in kernels._process.call("binary_files", doing="listing the kernels")]
     return out, files
+
+
+def _bases(kernels: "Kernels", of: dict[str, Any]) -> list[dict[str, Any] | None]:
+    """Return the frames that a CK frame's segments are relative to."""
+    frames = {s.frame for s in segments_of(kernels, of["class_id"])}
+    return [kernels._process.call("frame", str(frame), doing=f"looking up frame {frame}") for frame in sorted(frames)]
 
 
 def _valid(kernels: "Kernels", request: "Request", start: Fraction, stop: Fraction, count: int) -> list[tuple[Fraction, Fraction]]:

@@ -22,7 +22,7 @@ from jaxframes.spice import build, extract, orient, translate
 from jaxframes.spice.hashes import sha256
 from jaxframes.spice.info import Info, Source, decimal
 from jaxframes.spice.legs import to_leg
-from jaxframes.spice.process import CspiceError, KernelProcess
+from jaxframes.spice.process import TIMEOUT, CspiceError, KernelProcess
 from jaxframes.spice.search import Tolerance
 from jaxframes.spice.segments import Piece, Segment, coverage
 from jaxframes.spice.tables import Table, TranslationTable
@@ -45,11 +45,12 @@ class Kernels:
         ...     sun = kernels.translation(target="SUN", center="SSB", start="2026-01-01", stop="2026-02-01")
     """
 
-    def __init__(self, paths: Iterable[str | os.PathLike[str]] | str | os.PathLike[str]):
+    def __init__(self, paths: Iterable[str | os.PathLike[str]] | str | os.PathLike[str], *, timeout: float | None = TIMEOUT):
         """Load kernels, in order.
 
         Args:
-            paths: Files to load: binary SPK and PCK, text kernels, meta-kernels.
+            paths: Files to load: binary SPK, PCK and CK, text kernels, meta-kernels.
+            timeout: Longest time in seconds that one request to CSPICE may take, None for any; a damaged kernel can make it loop.
 
         Raises:
             MissingKernelError: If a file is missing, or spiceypy is.
@@ -62,7 +63,7 @@ class Kernels:
                 raise MissingKernelError(
                     f"There is no kernel file {file}. Check the path; jf.spice.find_kernels() finds those that packages ship."
                 )
-        self._process, self._text = KernelProcess(), list[Path]()
+        self._process, self._text = KernelProcess(timeout), list[Path]()
         try:
             for file in files:
                 self._load(file)
@@ -241,7 +242,7 @@ class Kernels:
             toolkit=self._process.call("version", doing="asking for the version"),
             **{"segments": lines, **(facts or {})},
         )
-        made = tuple(to_leg(leg.arrays, leg.series, leg.compares) for leg in legs)
+        made = tuple(to_leg(leg.arrays, leg.series, leg.compares, low=kind is TranslationTable) for leg in legs)
         fields = {"legs": made, "reference": pairs(Fraction(reference)), "span": pairs(*(x - reference for x in bounds)), "info": info}
         return kind(**fields, **more)  # pyright: ignore[reportCallIssue]
 

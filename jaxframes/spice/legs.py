@@ -1,6 +1,7 @@
 """A leg: one run of Chebyshev records as arrays, and finding the record that serves an instant."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +10,10 @@ from jax import lax
 
 from jaxframes.numerics.boundary import default_float
 from jaxframes.spice.times import split
+
+
+LOW_TERMS = 6
+"""Terms of each series that float32 tables hold in two parts."""
 
 
 @jax.tree_util.register_dataclass
@@ -25,6 +30,8 @@ class Leg:
         ends: ``[n, 2]``: end of each record in two parts; None where cells are records.
         series: 3 for one series an axis, 6 where velocities have series of their own (SPK type 3).
         compares: Most records that begin within one cell.
+        low: ``[n, LOW_TERMS * series + 1]``: what float32 cannot hold of the lowest coefficients and the half length, for
+            ``evaluate_two_part``; None in float64.
     """
 
     rows: jax.Array
@@ -33,6 +40,7 @@ class Leg:
     ends: jax.Array | None
     series: int = field(metadata={"static": True})
     compares: int = field(metadata={"static": True})
+    low: jax.Array | None = None
 
     @property
     def terms(self) -> int:
@@ -42,7 +50,7 @@ class Leg:
     @property
     def bytes(self) -> int:
         """Size of the arrays."""
-        return sum(a.nbytes for a in (self.rows, self.grid, self.first, self.ends) if a is not None)
+        return sum(a.nbytes for a in (self.rows, self.grid, self.first, self.ends, self.low) if a is not None)
 
     def record(self, dt_hi: jax.Array, dt_lo: jax.Array) -> jax.Array:
         """Return the index (int32 [...]) of the record that serves an instant; the first or last one outside.
@@ -69,9 +77,17 @@ def _bounded(index: jax.Array, count: int) -> jax.Array:
     return lax.clamp(np.int32(0), index, np.int32(count - 1))
 
 
-def to_leg(arrays: dict[str, np.ndarray], series: int, compares: int) -> Leg:
-    """Return a leg of the default float dtype from float64 arrays; pairs keep what one float32 cannot hold."""
-    dtype = np.dtype(default_float())
+def to_leg(arrays: dict[str, np.ndarray], series: int, compares: int, dtype: Any = None, low: bool = False) -> Leg:
+    """Return a leg from float64 arrays; pairs keep what one float32 cannot hold.
+
+    Args:
+        arrays: The arrays of ``Leg`` by name.
+        series: As in ``Leg``.
+        compares: As in ``Leg``.
+        dtype: Float dtype of the leg. Default: JAX's own.
+        low: Whether a float32 leg keeps low parts of its coefficients.
+    """
+    dtype = np.dtype(default_float() if dtype is None else dtype)
     rows = arrays["rows"].astype(dtype)
     rows[:, -3], rows[:, -2] = split(arrays["rows"][:, -3], arrays["rows"][:, -2], dtype)
     grid = arrays["grid"].astype(dtype)
@@ -80,12 +96,23 @@ def to_leg(arrays: dict[str, np.ndarray], series: int, compares: int) -> Leg:
     ends = None
     if "ends" in arrays:
         ends = jnp.asarray(np.stack(split(arrays["ends"][:, 0], arrays["ends"][:, 1], dtype), 1))
-    return Leg(jnp.asarray(rows), jnp.asarray(grid), first, ends, series, compares)
+    rest = None
+    if low and dtype == np.float32:
+        at = two_part_columns(rows.shape[1], series)
+        rest = jnp.asarray((arrays["rows"][:, at] - rows[:, at].astype(np.float64)).astype(dtype))
+    return Leg(jnp.asarray(rows), jnp.asarray(grid), first, ends, series, compares, rest)
+
+
+def two_part_columns(width: int, series: int) -> np.ndarray:
+    """Return the columns of rows that float32 legs keep in two parts: the lowest coefficients and the half length."""
+    return np.array([*range(min(LOW_TERMS * series, width - 3)), width - 1])
 
 
 def from_leg(leg: Leg) -> dict[str, np.ndarray]:
     """Return a leg's arrays as float64; exact, so that ``to_leg`` gives the same leg again."""
     rows, grid = np.array(leg.rows, np.float64), np.array(leg.grid, np.float64)
+    if leg.low is not None:
+        rows[:, two_part_columns(rows.shape[1], leg.series)] += np.array(leg.low, np.float64)
     rows[:, -3], rows[:, -2] = split(rows[:, -3], rows[:, -2], np.dtype(np.float64))
     grid[0], grid[1] = split(grid[0], grid[1], np.dtype(np.float64))
     arrays = {"rows": rows, "grid": grid}

@@ -5,12 +5,15 @@ import subprocess
 import sys
 import threading
 import weakref
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from jaxframes.errors import BadKernelError, MissingKernelError, SpiceError
 from jaxframes.spice.worker import receive, send
 
+TIMEOUT = 600.0
+"""Seconds that one answer may take."""
 WORKER = Path(__file__).with_name("worker.py")
 
 
@@ -25,8 +28,11 @@ class CspiceError(SpiceError):
 class KernelProcess:
     """A process with a kernel pool of its own. Calls from several threads take turns."""
 
-    def __init__(self) -> None:
+    def __init__(self, timeout: float | None = TIMEOUT) -> None:
         """Start the process.
+
+        Args:
+            timeout: Longest time in seconds that an answer may take, None for any: the process is then ended.
 
         Raises:
             MissingKernelError: If spiceypy cannot be imported there.
@@ -36,10 +42,12 @@ class KernelProcess:
             [sys.executable, "-P", str(WORKER)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
         )
         self._lock = threading.Lock()
+        self._timeout, self._late = timeout, False
         self._finalizer = weakref.finalize(self, _shut, self._popen)
         self._doing = "starting"
         try:
-            self._answer()
+            with self._watched():
+                self._answer()
         except CspiceError as error:
             self.close()
             raise MissingKernelError(f"Kernels are read by spiceypy, which cannot be imported: {error}. Install spiceypy.") from error
@@ -54,18 +62,37 @@ class KernelProcess:
 
         Raises:
             CspiceError: If CSPICE signals an error.
-            BadKernelError: If the process dies.
+            BadKernelError: If the process dies, or does not answer in time.
             SpiceError: If it was closed before.
         """
         with self._lock:
             if not self._finalizer.alive:
                 raise SpiceError("These kernels are closed: use them inside their `with` block.")
             self._doing = doing
-            try:
-                send(self._popen.stdin, (method, arguments))  # pyright: ignore[reportArgumentType]
-            except OSError as error:
-                raise self._death() from error
-            return self._answer()
+            with self._watched():
+                try:
+                    send(self._popen.stdin, (method, arguments))  # pyright: ignore[reportArgumentType]
+                except OSError as error:
+                    raise self._death() from error
+                return self._answer()
+
+    @contextlib.contextmanager
+    def _watched(self) -> Iterator[None]:
+        """End the process if what is done in the block takes too long: a damaged kernel can send CSPICE round in circles."""
+        if self._timeout is None:
+            yield
+            return
+        timer = threading.Timer(self._timeout, self._give_up)
+        timer.daemon = True
+        timer.start()
+        try:
+            yield
+        finally:
+            timer.cancel()
+
+    def _give_up(self) -> None:
+        self._late = True
+        self._popen.kill()
 
     def _answer(self) -> Any:
         try:
@@ -79,6 +106,11 @@ class KernelProcess:
     def _death(self) -> BadKernelError:
         """End the process for good and return the error to raise."""
         self._finalizer()
+        if self._late:
+            return BadKernelError(
+                f"CSPICE did not answer within {self._timeout:g} s while {self._doing}, and was ended: a kernel is damaged, or the work is "
+                "long. Kernels(..., timeout=seconds) allows more time, timeout=None any."
+            )
         return BadKernelError(
             f"CSPICE broke down while {self._doing} (exit code {self._popen.returncode}): a kernel is damaged. "
             "Compare the file's checksum with its source's, or fetch it again."

@@ -10,15 +10,15 @@ from jaxframes.spice.legs import Leg, from_leg
 UNITS = {"translation": ("m", "m/s", "m/s2"), "orientation": ("rad", "rad/s", "rad/s2")}
 
 
-def report(info: Info, legs: Sequence[Leg], jumps: bool = True) -> str:
-    """Return the report of a table as text, with the jumps between its records if these are plain series."""
+def report(info: Info, legs: Sequence[Leg], jumps: bool = True, more: int = 0) -> str:
+    """Return the report of a table as text, with the jumps between its records if these are plain series; ``more`` counts other bytes."""
     what = "position" if info.kind == "translation" else "orientation"
     what += "" if info.correction == "NONE" else f" (corrected: {info.correction})"
     lines = [
         f"{what} of {info.of} ({info.of_id}) relative to {info.relative_to} ({info.relative_id}), axes {info.axes}",
         f"method:   {info.method}, {len(legs)} leg{'s' if len(legs) != 1 else ''}",
         f"coverage: {info.coverage}",
-        f"size:     {sum(leg.bytes for leg in legs)} bytes, {legs[0].rows.dtype.name}",
+        f"size:     {sum(leg.bytes for leg in legs) + more} bytes, {legs[0].rows.dtype.name}",
     ]
     for i, leg in enumerate(legs, 1):
         if leg.series not in (3, 6):

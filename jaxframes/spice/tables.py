@@ -13,10 +13,10 @@ from jaxframes.numerics.components import V3, Component, Quat
 from jaxframes.numerics.eft import recast_pair
 from jaxframes.numerics.rigid import AT_REST, Rigid
 from jaxframes.numerics.steps import Coordinate, Step, Turn, append
-from jaxframes.spice import evaluate
+from jaxframes.spice import evaluate, two_part
 from jaxframes.spice.evaluate import Run
 from jaxframes.spice.info import Info
-from jaxframes.spice.legs import Leg
+from jaxframes.spice.legs import Leg, two_part_columns
 from jaxframes.spice.report import report
 from jaxframes.tree.edges.base import Edge, Inputs, family
 
@@ -75,13 +75,21 @@ def _recast_pairs(values: Any, dtype: Any) -> Any:
 
 
 def _recast_leg(old: Leg, plain: Leg, dtype: Any) -> Leg:
-    """Return a leg whose times are converted as pairs; ``plain`` holds everything else converted."""
+    """Return a leg whose times and lowest coefficients are converted as pairs; ``plain`` holds everything else converted."""
     numpy: Any = np if isinstance(old.rows, np.ndarray) else jnp
     middle = _recast_pairs(old.rows[..., -3:-1], dtype)
     rows = numpy.concatenate([plain.rows[..., :-3], middle, plain.rows[..., -1:]], -1)
     grid = numpy.concatenate([_recast_pairs(old.grid[..., :2], dtype), plain.grid[..., 2:]], -1)
     ends = None if old.ends is None else _recast_pairs(old.ends, dtype)
-    return Leg(rows, grid, plain.first, ends, old.series, old.compares)
+    low, at = plain.low, two_part_columns(rows.shape[-1], old.series)
+    if np.dtype(dtype) != np.float32:
+        if low is not None:
+            whole = old.rows[..., at].astype(dtype) + low
+            rows = numpy.concatenate([whole[..., :-1], rows[..., len(at) - 1 : -1], whole[..., -1:]], -1)
+        low = None
+    elif low is None and old.series in (3, 6) and old.rows.dtype != dtype:
+        low = (old.rows[..., at] - plain.rows[..., at].astype(old.rows.dtype)).astype(dtype)
+    return Leg(rows, grid, plain.first, ends, old.series, old.compares, low)
 
 
 @family(static=("info",))
@@ -122,6 +130,17 @@ class TranslationTable(Table):
             order: 0, 1 or 2.
         """
         return _translation(checked_order(order), self.run, *two_parts(time))
+
+    def evaluate_two_part(self, time: Any) -> tuple[jax.Array, jax.Array]:
+        """Return the position in two parts [..., 3], hi + lo in m: what float32 alone cannot hold.
+
+        The lowest terms of the series are summed in double-single arithmetic. In float32 the Moon is within centimetres of the Earth's
+        table so, instead of tens of metres. Subtract high parts from high parts first. Derivatives are those of ``evaluate``, in hi.
+
+        Args:
+            time: An ``Epoch`` [...], or seconds past J2000 TDB [...].
+        """
+        return two_part.position(self.run, *two_parts_of(time))
 
 
 @family(static=("info",))

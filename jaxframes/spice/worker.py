@@ -219,6 +219,11 @@ class Reader:
                 )
         return found
 
+    def binary_files(self) -> list[str]:
+        """Return the paths of all binary kernels loaded."""
+        kinds = ("SPK", "PCK", "CK", "DSK", "EK")
+        return [self.spice.kdata(i, kind)[0] for kind in kinds for i in range(self.spice.ktotal(kind))]
+
     def ck_windows(self, path: str, instrument: int) -> list[tuple[float, float]]:
         """Return the spans of ET seconds that a C-kernel covers an instrument in, rates included."""
         cover = self.spice.ckcov(path, instrument, True, "INTERVAL", 0.0, "TDB")

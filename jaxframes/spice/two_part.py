@@ -1,0 +1,70 @@
+"""Positions in two parts: the lowest Chebyshev terms in double-single arithmetic, so that float32 keeps what it cannot hold in one number."""
+
+import functools
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from jaxframes.numerics.boundary import assemble
+from jaxframes.numerics.eft import fast_two_sum, two_product, two_sum
+from jaxframes.spice import evaluate
+from jaxframes.spice.evaluate import Run
+from jaxframes.spice.legs import LOW_TERMS, Leg
+
+Two = tuple[jax.Array, jax.Array]
+
+
+@jax.jit
+def position(run: Run, hi: Any, lo: Any) -> Two:
+    """Return a table's value at epochs (hi, lo) as arrays hi and lo [..., 3]; NaN outside the coverage."""
+    dtype = run.legs[0].rows.dtype
+    hi, lo = jnp.broadcast_arrays(jnp.asarray(hi, dtype), jnp.asarray(lo, dtype))
+    dt = evaluate._local(run, lax.stop_gradient(hi), lax.stop_gradient(lo))
+    totals = [functools.reduce(_add, parts) for parts in zip(*(_leg(leg, *dt) for leg in run.legs), strict=True)]
+    high, low = (assemble(tuple(lax.stop_gradient(t[k]) for t in totals)) for k in (0, 1))
+    # The plain value carries the derivative and the NaN outside; its own number cancels.
+    (plain,) = evaluate.evaluate(run, hi, lo, 0, vectors=True)
+    return high + (plain - lax.stop_gradient(plain)), low
+
+
+def _leg(leg: Leg, dt_hi: jax.Array, dt_lo: jax.Array) -> list[Two]:
+    index = leg.record(dt_hi, dt_lo)
+    row = jnp.moveaxis(leg.rows.at[index].get(mode="promise_in_bounds"), -1, 0)
+    terms, count = leg.terms, min(LOW_TERMS, leg.terms)
+    zero = jnp.zeros_like(dt_hi)
+    low = None if leg.low is None else jnp.moveaxis(leg.low.at[index].get(mode="promise_in_bounds"), -1, 0)
+    past = _add(two_sum(dt_hi, -row[-3]), two_sum(dt_lo, -row[-2]))
+    s = _divide(past, (row[-1], zero if low is None else low[-1]))
+    twice = (s[0] * 2, s[1] * 2)
+    out = []
+    for axis in range(3):
+        coefficient = lambda k, axis=axis: row[k * leg.series + axis]
+        last, before = zero, zero
+        for k in range(terms - 1, count - 1, -1):
+            last, before = coefficient(k) + (twice[0] * last - before), last
+        wide, wider = (last, zero), (before, zero)
+        for k in range(count - 1, -1, -1):
+            c = (coefficient(k), zero if low is None else low[k * leg.series + axis])
+            factor = s if k == 0 else twice
+            wide, wider = _add(c, _add(_multiply(factor, wide), (-wider[0], -wider[1]))), wide
+        out.append(wide)
+    return out
+
+
+def _add(a: Two, b: Two) -> Two:
+    s, e = two_sum(a[0], b[0])
+    return fast_two_sum(s, e + (a[1] + b[1]))
+
+
+def _multiply(a: Two, b: Two) -> Two:
+    p, e = two_product(a[0], b[0])
+    return fast_two_sum(p, e + (a[0] * b[1] + a[1] * b[0]))
+
+
+def _divide(a: Two, b: Two) -> Two:
+    q = a[0] / b[0]
+    p, e = two_product(q, b[0])
+    rest = ((a[0] - p) - e) + (a[1] - q * b[1])
+    return fast_two_sum(q, rest / b[0])
