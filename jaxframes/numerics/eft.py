@@ -73,4 +73,7 @@ def recast_pair(hi: Array, lo: Array, dtype: Any) -> tuple[Array, Array]:
     wide = np.promote_types(hi.dtype, dtype)
     high, low = hi.astype(wide), lo.astype(wide)
     first = (high + low).astype(dtype)
-    return first, ((high - first.astype(wide)) + low).astype(dtype)
+    where = np.where if isinstance(first, np.ndarray) else jnp.where
+    finite, zero = np.isfinite(first) if isinstance(first, np.ndarray) else jnp.isfinite(first), np.zeros((), wide)
+    rest = where(finite, high, zero) - where(finite, first.astype(wide), zero)  # an end that never comes is infinite, and has no rest
+    return first, (rest + low).astype(dtype)

@@ -3,7 +3,10 @@
 Kernels are read by spiceypy in a process of its own, so the caller's kernel pool is never touched.
 """
 
+from jaxframes.spice.attitude import AttitudeTable, CayleyTable
 from jaxframes.spice.compare import compare
+from jaxframes.spice.contents import contents
+from jaxframes.spice.edit import crop, merge
 from jaxframes.spice.find import find_kernels
 from jaxframes.spice.iau import IauOrientation
 from jaxframes.spice.kernels import Kernels
@@ -13,14 +16,19 @@ from jaxframes.spice.store import load, save
 from jaxframes.spice.tables import OrientationTable, TranslationTable
 
 __all__ = [
+    "AttitudeTable",
+    "CayleyTable",
     "IauOrientation",
     "Kernels",
     "OrientationTable",
     "Tolerance",
     "TranslationTable",
     "compare",
+    "contents",
+    "crop",
     "example_tables",
     "find_kernels",
     "load",
+    "merge",
     "save",
 ]

@@ -156,6 +156,7 @@ def translation(
         found = search(model, parts, unit, limits, size, layout, aim)
     except CspiceError as error:
         if error.short == "SPICE(SPKINSUFFDATA)":
+            translation_legs(of, relative, kernels._segments, *bounds, kernels._name)  # says more, if the chain itself has a gap
             raise CoverageError(f"The kernels loaded do not cover {aim}, with what its correction needs: {error}") from error
         raise
     measured = {"position error, m": found.worst[0], "velocity error, m/s": found.worst[1]}

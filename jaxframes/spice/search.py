@@ -197,18 +197,18 @@ def _probe(model: Model, parts: Sequence[Part], unit: Fraction, bounds: tuple[fl
     level = int(np.ceil(np.log2(float(longest / unit))))
     out: list[Level] = []
     rng, smallest, stalled, last = np.random.default_rng(0), np.inf, 0, np.inf
+    free = not np.isfinite(bounds).any()
     while stalled < 3:
         length = unit * Fraction(2) ** level
         cells = [part.cells(length) for part in parts]
         count = sum(b - a for a, b in cells)
         least = count * record_bytes(DEGREES[0], model.extras)
-        if out and (count > MOST_RECORDS or least > smallest or (size is not None and least > size)):
+        if out and (count > MOST_RECORDS or least > smallest or (size is not None and free and least > size)):
             break
         chosen = _some(parts, cells, rng)
         a, b = np.array([[float(x) for x in parts[p].span(*cells[p], c, length)] for p, c in chosen]).T
         errors = _errors(model, a, b, CHECKS, rng).max(-1)
         out.append(Level(level, count, errors))
-        free = not np.isfinite(bounds).any()
         meeting = (errors <= np.array(bounds)[:, None] * MARGIN).all(0) & (not free)
         if meeting.any():
             smallest = min(smallest, count * record_bytes(DEGREES[int(np.argmax(meeting))], model.extras))

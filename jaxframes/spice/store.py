@@ -12,6 +12,7 @@ import os
 import tempfile
 import zipfile
 from collections.abc import Mapping
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -21,21 +22,41 @@ import numpy as np
 
 from jaxframes.errors import FrameError, TableError
 from jaxframes.numerics.boundary import default_float
+from jaxframes.spice.attitude import AttitudeTable, CayleyTable
 from jaxframes.spice.iau import IauOrientation
 from jaxframes.spice.info import Info
 from jaxframes.spice.legs import from_leg, to_leg
-from jaxframes.spice.tables import OrientationTable, TranslationTable
+from jaxframes.spice.tables import OrientationTable, Table, TranslationTable
 from jaxframes.spice.times import pairs
 
-Table: TypeAlias = TranslationTable | OrientationTable | IauOrientation
-SCHEMA = 1
+Storable: TypeAlias = Table | IauOrientation
+SCHEMA = 2
+READABLE = (1, 2)
+"""Schemas that ``load`` reads. 2 adds kinds of tables and what their reports say; everything of 1 is as it was."""
 MARK = b"jaxframes tables, sha256 of all before this: "
-KINDS = {"translation": TranslationTable, "orientation": OrientationTable, "iau": IauOrientation}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """How tables of a kind are stored, beside their legs and facts: further arrays, and static fields; models without legs say themselves."""
+
+    table: type[Any]
+    arrays: tuple[str, ...] = ()
+    static: tuple[str, ...] = ()
+
+
+KINDS = {
+    "translation": Kind(TranslationTable),
+    "orientation": Kind(OrientationTable, ("placement",)),
+    "knots": Kind(AttitudeTable, static=("mode",)),
+    "cayley": Kind(CayleyTable, ("spins",)),
+    "iau": Kind(IauOrientation),
+}
 STAMP = (1980, 1, 1, 0, 0, 0)
 HEADER = {"format": "jaxframes tables", "scale": "TDB", "units": {"length": "m", "angle": "rad", "time": "s"}}
 
 
-def save(path: str | os.PathLike[str], tables: Mapping[str, Table]) -> None:
+def save(path: str | os.PathLike[str], tables: Mapping[str, Storable]) -> None:
     """Write tables to one file: whole or not at all, the same bytes for the same tables.
 
     Args:
@@ -75,20 +96,10 @@ def load(path: str | os.PathLike[str]) -> dict[str, Any]:
         TableError: If the file is missing, is no table file, is truncated or altered, or has an unknown schema.
     """
     target = Path(path)
-    try:
-        content = target.read_bytes()
-    except FileNotFoundError as error:
-        raise TableError(f"There is no table file {target}.") from error
-    except OSError as error:
-        raise TableError(f"{target} cannot be read: {error.strerror}.") from error
-    _check(target, content)
+    content = read_checked(target)
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            metadata = json.loads(archive.read("metadata.json"))
-            if metadata.get("schema") != SCHEMA:
-                raise TableError(
-                    f"{target} has schema {metadata.get('schema')!r}; this version of jaxframes reads {SCHEMA}. Make the tables again."
-                )
+            metadata = read_metadata(target, archive)
             return {name: _table(archive, name, entry) for name, entry in metadata["tables"].items()}
     except FrameError:
         raise
@@ -96,6 +107,37 @@ def load(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise TableError(
             f"{target} does not hold what its schema says ({type(error).__name__}: {error}). Make the tables again."
         ) from error
+
+
+def read_checked(target: Path) -> bytes:
+    """Return the bytes of a table file, its checksum compared.
+
+    Raises:
+        TableError: If it is missing, is no table file, is truncated or altered.
+    """
+    try:
+        content = target.read_bytes()
+    except FileNotFoundError as error:
+        raise TableError(f"There is no table file {target}.") from error
+    except OSError as error:
+        raise TableError(f"{target} cannot be read: {error.strerror}.") from error
+    _check(target, content)
+    return content
+
+
+def read_metadata(target: Path, archive: zipfile.ZipFile) -> dict[str, Any]:
+    """Return the JSON part of a table file.
+
+    Raises:
+        TableError: If its schema is unknown.
+    """
+    metadata = json.loads(archive.read("metadata.json"))
+    if metadata.get("schema") not in READABLE:
+        raise TableError(
+            f"{target} has schema {metadata.get('schema')!r}; this version of jaxframes reads {READABLE[0]} to {READABLE[-1]}. "
+            "Make the tables again, or use a later version."
+        )
+    return metadata
 
 
 def _check(target: Path, content: bytes) -> None:
@@ -108,12 +150,12 @@ def _check(target: Path, content: bytes) -> None:
         )
 
 
-def _archive(tables: Mapping[str, Table]) -> bytes:
+def _archive(tables: Mapping[str, Storable]) -> bytes:
     metadata: dict[str, Any] = {**HEADER, "schema": SCHEMA, "tables": {}}
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for number, (name, table) in enumerate(tables.items()):
-            if not isinstance(table, tuple(KINDS.values())):
+            if not isinstance(table, tuple(kind.table for kind in KINDS.values())):
                 raise TableError(f"{name!r} is a {type(table).__name__}, not a table of jf.spice.Kernels: only tables are saved.")
             metadata["tables"][str(name)] = _write_table(archive, f"table{number}", table)
         archive.writestr(zipfile.ZipInfo("metadata.json", STAMP), json.dumps(metadata, indent=1), zipfile.ZIP_DEFLATED)
@@ -122,7 +164,7 @@ def _archive(tables: Mapping[str, Table]) -> bytes:
     return body + hashlib.sha256(body).hexdigest().encode()
 
 
-def _write_table(archive: zipfile.ZipFile, folder: str, table: Table) -> dict[str, Any]:
+def _write_table(archive: zipfile.ZipFile, folder: str, table: Storable) -> dict[str, Any]:
     if isinstance(table, IauOrientation):
         arrays = table.to_arrays()
         for name, array in arrays.items():
@@ -134,11 +176,12 @@ def _write_table(archive: zipfile.ZipFile, folder: str, table: Table) -> dict[st
         legs.append({"series": leg.series, "compares": leg.compares, "arrays": {n: f"{folder}/leg{i}/{n}.npy" for n in arrays}})
         for name, array in arrays.items():
             _write_array(archive, f"{folder}/leg{i}/{name}.npy", array)
-    entry = {"info": table.info.to_json(), "legs": legs}
-    if isinstance(table, OrientationTable):
-        entry["placement"] = f"{folder}/placement.npy"
-        _write_array(archive, entry["placement"], np.array(table.placement, np.float64))
-    return entry
+    entry: dict[str, Any] = {"info": table.info.to_json(), "legs": legs}
+    kind = KINDS[table.info.kind]
+    for name in kind.arrays:
+        entry[name] = f"{folder}/{name}.npy"
+        _write_array(archive, entry[name], np.array(getattr(table, name), np.float64))
+    return entry | {name: getattr(table, name) for name in kind.static}
 
 
 def _write_array(archive: zipfile.ZipFile, name: str, array: np.ndarray) -> None:
@@ -152,18 +195,25 @@ def _read_array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
         return np.lib.format.read_array(io.BytesIO(file.read()), allow_pickle=False)
 
 
-def _table(archive: zipfile.ZipFile, name: str, entry: dict[str, Any]) -> Table:
+def _table(archive: zipfile.ZipFile, name: str, entry: dict[str, Any]) -> Storable:
     info = Info.from_json(entry["info"])
-    if info.kind == "iau":
+    if info.kind not in KINDS:
+        raise TableError(f"table {name!r} is of the unknown kind {info.kind!r}")
+    kind = KINDS[info.kind]
+    if kind.table is IauOrientation:
         return IauOrientation.from_arrays({n: _read_array(archive, file) for n, file in entry["arrays"].items()}, info)
     legs = tuple(
-        to_leg({n: _read_array(archive, file) for n, file in leg["arrays"].items()}, leg["series"], leg["compares"])
+        to_leg(
+            {n: _read_array(archive, file) for n, file in leg["arrays"].items()}, leg["series"], leg["compares"], low=has_low(info.kind)
+        )
         for leg in entry["legs"]
     )
     reference, start, stop = (Fraction(x) for x in (info.reference, info.start, info.stop))
-    fields = {"legs": legs, "reference": pairs(reference), "span": pairs(start - reference, stop - reference), "info": info}
-    if info.kind not in KINDS:
-        raise TableError(f"table {name!r} is of the unknown kind {info.kind!r}")
-    if info.kind == "orientation":
-        fields["placement"] = jnp.asarray(_read_array(archive, entry["placement"]), default_float())
-    return KINDS[info.kind](**fields)
+    fields: dict[str, Any] = {"legs": legs, "reference": pairs(reference), "span": pairs(start - reference, stop - reference), "info": info}
+    fields |= {array: jnp.asarray(_read_array(archive, entry[array]), default_float()) for array in kind.arrays}
+    return kind.table(**fields, **{static: entry[static] for static in kind.static})
+
+
+def has_low(kind: str) -> bool:
+    """Whether float32 tables of a kind keep low parts of their coefficients."""
+    return kind == "translation"

@@ -5,7 +5,7 @@ import pytest
 
 import jaxframes as jf
 from jaxframes import errors
-from tests.spice import made
+from tests.spice import made, orbits
 
 SPAN = {"start": "2026-01-01", "stop": "2026-02-01"}
 
@@ -169,12 +169,16 @@ def test_closed_kernels_say_so(paths):
         kernels.translation(target="MOON", center="EARTH", **SPAN)
 
 
-def test_a_segment_type_that_is_not_read(tmp_path, cspice):
-    file = str(tmp_path / "13.bsp")
+def test_a_segment_type_that_is_not_extracted(tmp_path, cspice):
+    file = str(tmp_path / "5.bsp")
     handle = cspice.spkopn(file, "test", 0)
     times = np.arange(0.0, 1000.0, 100.0)
-    states = np.stack([np.cos(times), np.sin(times), times, -np.sin(times), np.cos(times), 0 * times + 1], 1) + 7000.0
-    cspice.spkw13(handle, -77, 399, "J2000", 0.0, 900.0, "NODES", 3, len(times), states, times)
+    position, velocity, _ = orbits.two_body(orbits.LEO, times)
+    states = np.concatenate([position, velocity], 1) / 1e3
+    cspice.spkw05(handle, -77, 399, "J2000", 0.0, 900.0, "STATES", orbits.MU / 1e9, len(times), states, times)
     cspice.spkcls(handle)
-    with jf.spice.Kernels(file) as kernels, pytest.raises(errors.NoPathError, match=r"segment 'NODES' \(type 13, id -77\).*types 2 and 3"):
+    with (
+        jf.spice.Kernels(file) as kernels,
+        pytest.raises(errors.NoPathError, match=r"segment 'STATES' \(type 5, id -77\).*tolerance=jf.spice.Tolerance"),
+    ):
         kernels.translation(target=-77, center=399)

@@ -1,0 +1,139 @@
+"""Tables fitted to what CSPICE computes, at epochs that the fit has not seen; against truth where it is known."""
+
+import numpy as np
+import pytest
+
+import jaxframes as jf
+from jaxframes.errors import CoverageError, NoPathError, ToleranceError
+from tests.spice import orbits
+
+T = jf.spice.Tolerance
+SPAN = {"start": "2026-01-01", "stop": "2027-01-01"}
+
+
+def measured(edge, name):
+    return next(value for key, value in edge.info.measured if key.startswith(name))
+
+
+def seconds(rng, count=1000, start=820497600, stop=852033600):
+    return rng.integers(start, stop, count).astype(float)
+
+
+@pytest.mark.float64
+@pytest.mark.parametrize(
+    ("target", "center", "position", "velocity", "bytes_a_day"),
+    [("MOON", "EARTH", 1.0, 1e-3, 60), ("MOON", "EARTH", 1e-3, 1e-7, 90), ("MARS BARYCENTER", "SUN", 1e-2, 1e-6, 14)],
+)
+def test_tolerances_are_met_within_few_bytes(kernels, rng, target, center, position, velocity, bytes_a_day):
+    edge = kernels.translation(target=target, center=center, tolerance=T(position=position, velocity=velocity), **SPAN)
+    worst = jf.spice.compare(kernels, edge, seconds(rng))
+    assert worst.value <= position
+    assert worst.rate <= velocity
+    assert edge.legs[0].rows.nbytes < bytes_a_day * 365
+    assert measured(edge, "position error") <= position
+    exact = kernels.translation(target=target, center=center, **SPAN)
+    times = seconds(rng, 300)
+    error = np.linalg.norm(np.asarray(edge.evaluate(times)[2]) - np.asarray(exact.evaluate(times)[2]), axis=1).max()
+    assert error <= 3 * measured(edge, "acceleration error") + 1e-14
+    jumps = [measured(edge, f"kernel's own jumps in {what}") for what in ("position", "velocity", "acceleration")]
+    assert all(jump > 0 for jump in jumps)
+    for part in ("fit of CSPICE's velocities", "records", "degree", "bytes", "position error, m", "velocity error", "acceleration error", "de440"):
+        assert part in edge.report()
+
+
+@pytest.mark.float64
+def test_records_lie_on_the_kernels_own(kernels, rng):
+    edge = kernels.translation(target="MOON", center="EARTH", tolerance=T(position=1e-5, velocity=1e-9), **SPAN)
+    assert (820454400 + float(edge.legs[0].grid[0]) + 14200747200) % 345600 == 0
+    assert float(edge.legs[0].grid[2]) <= 345600
+    worst = jf.spice.compare(kernels, edge, seconds(rng))
+    assert worst.value < 1e-6  # the rounding of epochs alone would be 6e-5 m
+    assert worst.rate < 1e-11
+
+
+@pytest.mark.float64
+def test_a_size_is_kept_and_used(kernels, rng):
+    small, large = (kernels.translation(target="MOON", center="EARTH", size=size, **SPAN) for size in (8_000, 20_000))
+    for edge, size in ((small, 8_000), (large, 20_000)):
+        assert 0.6 * size < edge.legs[0].rows.nbytes <= size
+    errors = [jf.spice.compare(kernels, edge, seconds(rng, 200)).value for edge in (small, large)]
+    assert errors[1] < errors[0] / 100
+    with pytest.raises(ToleranceError, match=r"\d+ bytes are needed .* more than size=8000"):
+        kernels.translation(target="MOON", center="EARTH", size=8_000, tolerance=T(position=1e-3), **SPAN)
+
+
+@pytest.mark.float64
+def test_light_time_corrected_states(kernels, rng):
+    edge = kernels.translation(
+        target="MARS BARYCENTER", center="EARTH", correction="CN+S", tolerance=T(position=1e-2, velocity=1e-6), **SPAN
+    )
+    worst = jf.spice.compare(kernels, edge, seconds(rng, 300))
+    assert worst.value <= 1e-2
+    assert worst.rate <= 1e-6
+    assert "corrected: CN+S" in edge.report()
+    with pytest.raises(ToleranceError, match=r"no table meets 0.0001 and inf. The best reached is 0.00\d+ and"):
+        kernels.translation(target="MARS BARYCENTER", center="EARTH", correction="CN", tolerance=T(position=1e-4), **SPAN)
+    once = kernels.translation(target="MARS BARYCENTER", center="EARTH", correction="LT", tolerance=T(position=2e-2), **SPAN)
+    assert "fit of CSPICE's positions, LT" in once.report()
+    assert 1e-5 < measured(once, "velocity error") < 1e-3  # SPICE's LT velocities are not the derivatives of its positions
+
+
+@pytest.mark.float64
+def test_types_that_are_not_polynomials_and_dyadic_records(cspice, tmp_path, rng):
+    times = np.arange(0.0, 86400.1, 300.0)
+    position, velocity, _ = orbits.two_body(orbits.MOLNIYA, times)
+    path = str(tmp_path / "5.bsp")
+    handle = cspice.spkopn(path, "test", 0)
+    states = np.concatenate([position, velocity], 1) / 1e3
+    cspice.spkw05(handle, -77, 399, "J2000", 0.0, 86400.0, "CONICS", orbits.MU / 1e9, len(times), states, times)
+    cspice.spkcls(handle)
+    with jf.spice.Kernels(path) as kernels:
+        edges = [kernels.translation(target=-77, center=399, tolerance=T(position=1e-2), layout=layout) for layout in ("uniform", "dyadic")]
+        at = rng.integers(0, 86400 * 64, 1000) / 64
+        worst = [jf.spice.compare(kernels, edge, at).value for edge in edges]
+        with pytest.raises(ToleranceError, match="layout='square'"):
+            kernels.translation(target=-77, center=399, tolerance=T(position=1e-2), layout="square")
+    assert max(worst) <= 1e-2
+    assert edges[1].legs[0].bytes < edges[0].legs[0].bytes / 2  # the perigee alone needs short records
+    assert edges[0].legs[0].first is None
+    for edge in edges:
+        truth = orbits.two_body(orbits.MOLNIYA, at)
+        assert np.linalg.norm(np.asarray(edge.evaluate(at, 0)[0]) - truth[0], axis=1).max() <= 1.1e-2
+        assert measured(edge, "acceleration error") < 1e-4
+
+
+@pytest.mark.float64
+def test_what_cannot_be_fitted_says_so(kernels):
+    with pytest.raises(CoverageError):
+        kernels.translation(target="MOON", center="EARTH", tolerance=T(position=1.0), start="2649-01-01", stop="2651-01-01")
+    with pytest.raises(NoPathError, match="only the barycentre 4"):
+        kernels.translation(target=499, center="EARTH", tolerance=T(position=1.0), **SPAN)
+    with pytest.raises(NoPathError, match="correction='CN' needs a fit"):
+        kernels.translation(target="MOON", center="EARTH", correction="cn", **SPAN)
+    with pytest.raises(NoPathError, match=r"correction='CB' is none of SPICE's.*'CN'"):
+        kernels.translation(target="MOON", center="EARTH", correction="CB", **SPAN)
+    with pytest.raises(ToleranceError, match="says nothing about a translation"):
+        kernels.translation(target="MOON", center="EARTH", tolerance=T(angle=1e-6), **SPAN)
+    with pytest.raises(ToleranceError, match="greater than zero"):
+        T(position=-1.0)
+    with pytest.raises(ToleranceError, match="at least one"):
+        T()
+
+
+def test_two_parts_hold_the_moon_in_float32(kernels, cspice, rng, dtype):
+    bounds = {"MOON": ("EARTH", 1e-4), "MARS BARYCENTER": ("SSB", 1e-2)}
+    for target, (center, bound) in bounds.items():
+        edge = kernels.translation(target=target, center=center, **SPAN)
+        times = seconds(rng, 700)
+        hi, lo = edge.evaluate_two_part(times)
+        assert hi.dtype == lo.dtype == dtype
+        names = {"EARTH": 399, "SSB": 0, "MOON": 301, "MARS BARYCENTER": 4}
+        reference = np.array([cspice.spkez(names[target], t, "J2000", "NONE", names[center])[0][:3] for t in times]) * 1e3
+        error = np.linalg.norm(np.asarray(hi, float) + np.asarray(lo, float) - reference, axis=1).max()
+        assert error <= bound
+        assert (np.abs(np.asarray(lo, float)) <= np.spacing(np.abs(np.asarray(hi)))).all()
+        assert np.isnan(np.asarray(edge.evaluate_two_part(np.array([0.0]))[0])).all()
+    if dtype == np.float32:
+        assert edge.legs[0].low is not None
+        wide = edge.astype(np.float32)
+        np.testing.assert_array_equal(wide.evaluate_two_part(times)[1], lo)
