@@ -118,7 +118,8 @@ class AttitudeTable(Attitude):
         if self.mode == "spice":
             out = [slerp, first + (second - first) * u, (second - first) * (1 / length)]
         else:
-            out = _cayley(*_bubble(first, second, u, length), slerp, spin)
+            g, g1, g2 = _bubble(first, second, u, length)
+            out = _cayley(g, g1, g2, slerp, spin)
         return take_apart(assemble(tuple(c for group in out[: order + 1] for c in group)))
 
 
@@ -157,7 +158,8 @@ class CayleyTable(Attitude):
         values = evaluate.evaluate(self.run, hi, lo, order)
         offsets = [V3(*values[i : i + 3]) for i in range(0, len(values), 3)]
         zero = V3(0.0, 0.0, 0.0)
-        out = _cayley(*(offsets + [zero, zero])[:3], reference, V3(*spin_row[4:7]) * (spin_row[7] * 2))
+        g, g1, g2 = (*offsets, zero, zero)[:3]
+        out = _cayley(g, g1, g2, reference, V3(*spin_row[4:7]) * (spin_row[7] * 2))
         return take_apart(assemble(tuple(c for group in out[: order + 1] for c in group)))
 
 

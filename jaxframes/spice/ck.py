@@ -111,6 +111,7 @@ def read_intervals(kernels: "Kernels", segment: CkSegment, seconds_a_tick: float
     if segment.type == 2:
         return _spins(segment, words)
     width = 7 if segment.has_rates else 4
+    starts = np.zeros(0)
     if segment.type == 3:
         tail = words[-2:]
         n, m = int(tail[1]), int(tail[0])
@@ -146,7 +147,7 @@ def read_intervals(kernels: "Kernels", segment: CkSegment, seconds_a_tick: float
 
 def _spins(segment: CkSegment, words: np.ndarray) -> Intervals:
     """Return the intervals of a type 2 segment: a constant spin each, at the rate of the clock that the segment itself states."""
-    n = (len(words) * DIRECTORY + 1) // (10 * DIRECTORY + 1)
+    n = round((len(words) * DIRECTORY + 1) / (10 * DIRECTORY + 1))
     if n < 1 or 10 * n + (n - 1) // DIRECTORY != len(words):
         raise _damaged(segment, f"{n} intervals do not fill its {len(words)} words")
     packets = words[: 8 * n].reshape(n, 8)

@@ -35,14 +35,27 @@ class Clock:
     rates: np.ndarray
     terrestrial: tuple[float, ...] | None
 
-    def seconds_of(self, ticks: np.ndarray) -> doubles.Pair:
-        """Return ET of encoded ticks [n], in two parts.
+    def pieces(self) -> list[tuple[int, float, float]]:
+        """Return the pieces of the clock's rate: number, first tick, last tick + 1.
+
+        A piece serves, as in CSPICE, until the instant where the next one starts. Where that is not the instant at which its own
+        count arrives there, counts repeat or are left out.
+        """
+        if not len(self.ticks):
+            return [(0, -np.inf, np.inf)]
+        length = np.diff(self.seconds) / self.rates[0][:-1]
+        ends = np.append(self.ticks[:-1] + length, np.inf)
+        starts = np.concatenate([[-np.inf], self.ticks[1:]])
+        return list(zip(range(len(ends)), starts.tolist(), ends.tolist(), strict=True))
+
+    def seconds_of(self, ticks: np.ndarray, piece: int | None = None) -> doubles.Pair:
+        """Return ET of encoded ticks [n], in two parts; by one piece of the clock's rate, or by the one that each tick belongs to.
 
         CSPICE returns one double, 1.2e-7 s apart today: half a microradian of a spinner. The clock's own coefficients give all digits.
         """
         if not len(self.ticks):
             return self._by_cspice(ticks), np.zeros(len(ticks))
-        at = np.clip(np.searchsorted(self.ticks, ticks, "right") - 1, 0, None)
+        at = np.clip(np.searchsorted(self.ticks, ticks, "right") - 1, 0, None) if piece is None else np.full(len(ticks), piece)
         past = doubles.two_sum(ticks, -self.ticks[at])
         moved = doubles.multiply(past, (self.rates[0][at], self.rates[1][at]))
         found = doubles.add(moved, (self.seconds[at], np.zeros(len(ticks))))
@@ -63,10 +76,9 @@ def clock_of(kernels: "Kernels", ck_id: int) -> Clock:
         MissingKernelError: If no SCLK kernel for it is loaded.
     """
     number = int(kernels._process.call("clock", ck_id, doing=f"looking up the clock of {ck_id}"))
-    numbers = lambda name: np.asarray(kernels._process.call("numbers", name, doing=f"reading {name}"), float)  # noqa: E731
     plain = Clock(kernels, number, np.zeros(0), np.zeros(0), np.zeros((2, 0)), None)
     key = f"_{-number}"
-    table, moduli, system = (numbers(f"SCLK01_{name}{key}") for name in ("COEFFICIENTS", "MODULI", "TIME_SYSTEM"))
+    table, moduli, system = _numbers(kernels, *(f"SCLK01_{name}{key}" for name in ("COEFFICIENTS", "MODULI", "TIME_SYSTEM")))
     try:
         probes = table[::3] if len(table) else np.array([0.0, 1e6])
         own = plain._by_cspice(probes)
@@ -78,7 +90,7 @@ def clock_of(kernels: "Kernels", ck_id: int) -> Clock:
             f"C-kernels count time in ticks of clock {number}: load its {what}. CSPICE says {error.short}: {error}"
         ) from error
     kind = int(system[0]) if len(system) else TDB
-    lsk = [numbers(f"DELTET/{name}") for name in ("K", "EB", "M")] if kind == TT else []
+    lsk = _numbers(kernels, *(f"DELTET/{name}" for name in ("K", "EB", "M"))) if kind == TT else []
     if not len(table) or len(table) % 3 or not len(moduli) or kind not in (TDB, TT) or any(not len(x) for x in lsk):
         return plain
     ticks, seconds, rates = table.reshape(-1, 3).T
@@ -86,3 +98,9 @@ def clock_of(kernels: "Kernels", ck_id: int) -> Clock:
     pair = doubles.divide((rates, np.zeros(len(rates))), per_major)
     made = Clock(kernels, number, ticks, seconds, np.array(pair), tuple(float(v) for x in lsk for v in x) if lsk else None)
     return made if np.abs(made.seconds_of(probes)[0] - own).max() < AGREES else plain
+
+
+def _numbers(kernels: "Kernels", *names: str) -> list[np.ndarray]:
+    """Return the numbers of kernel variables, empty arrays for those that do not exist."""
+    found = kernels._process.call("numbers", list(names), doing=f"reading {names[0]}")
+    return [np.asarray(found[name] or [], float) for name in names]

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 
@@ -32,7 +33,7 @@ def composed(legs: Sequence[HostLeg], start: Fraction, stop: Fraction) -> HostLe
         if edge - cuts[-1] > CLOSE and stop - edge > CLOSE:
             cuts.append(edge)
     bounds = [*cuts, stop]
-    middle = np.array([float((a + b) / 2) for a, b in zip(bounds, bounds[1:], strict=False)])
+    middle = np.array([float((a + b) / 2) for a, b in pairwise(bounds)])
     radius = np.array([float(max(b - Fraction(m), Fraction(m) - a)) for a, b, m in zip(bounds, bounds[1:], middle, strict=False)])
     total: Pair | None = None
     terms = max((leg.arrays["rows"].shape[1] - 3) // 3 for leg in legs)

@@ -18,9 +18,9 @@ def dyadic(model: Model, parts: Sequence[Part], unit: Fraction, bounds: tuple[fl
 
     Every degree is followed down at once: records that are good enough for a degree are its leaves, the others are halved.
     """
-    goal = np.array(bounds) * MARGIN
+    goal, floor = np.array(bounds) * MARGIN, (np.inf, np.inf)
     for _ in range(RETRIES):
-        degree, leaves, floor = _leaves(model, parts, unit, goal, aim, bounds)
+        degree, leaves = _leaves(model, parts, unit, goal, aim, bounds)
         found = verified(model, leaves, None, degree)
         if found.worst[0] <= bounds[0] and found.worst[1] <= bounds[1]:
             return found
@@ -31,7 +31,7 @@ def dyadic(model: Model, parts: Sequence[Part], unit: Fraction, bounds: tuple[fl
 
 def _leaves(
     model: Model, parts: Sequence[Part], unit: Fraction, goal: np.ndarray, aim: str, bounds: tuple[float, float]
-) -> tuple[int, list[tuple[Fraction, Fraction]], tuple[float, float]]:
+) -> tuple[int, list[tuple[Fraction, Fraction]]]:
     longest = max(part.stop - part.start for part in parts)
     length = unit * Fraction(2) ** int(np.ceil(np.log2(float(longest / unit))))
     nodes = []
@@ -39,9 +39,8 @@ def _leaves(
         first, last = part.cells(length)
         nodes += [part.span(first, last, cell, length) for cell in range(first, last)]
     rng = np.random.default_rng(0)
-    grids = {id(part): part for part in parts}
     alive = np.ones(len(DEGREES), bool)
-    open_ = np.ones((len(DEGREES), len(nodes)), bool)
+    open_: np.ndarray = np.ones((len(DEGREES), len(nodes)), bool)
     leaves: list[list[tuple[Fraction, Fraction]]] = [[] for _ in DEGREES]
     floor = np.full(2, np.inf)
     history: list[np.ndarray] = []
@@ -52,7 +51,7 @@ def _leaves(
         for d in range(len(DEGREES)):
             leaves[d] += [nodes[i] for i in np.flatnonzero(open_[d] & good[d])]
         open_ &= ~good
-        worst = np.array([[errors[k][d][open_[d]].max(initial=0.0) for d in range(len(DEGREES))] for k in (0, 1)])
+        worst = np.array([[errors[k, d, open_[d]].max(initial=0.0) for d in range(len(DEGREES))] for k in (0, 1)])
         done = [len(leaves[d]) * record_bytes(DEGREES[d], model.extras) for d in range(len(DEGREES)) if alive[d] and not open_[d].any()]
         best = min(done, default=np.inf)
         for d in range(len(DEGREES)):
@@ -60,7 +59,9 @@ def _leaves(
                 floor = np.minimum(floor, np.where(worst[:, d] > 0, worst[:, d], np.inf))
                 pending = len(leaves[d]) + 2 * int(open_[d].sum())
                 stalled = len(history) > 3 and bool(
-                    (worst[:, d] > 0.7 * history[-3][:, d]).any() and worst[0, d] < 1e-4 * model.scale and (worst[:, d] > goal).any()
+                    (worst[:, d] > 0.7 * history[-3][:, d]).any()
+                    and worst[0, d] < 1e-4 * model.scale
+                    and (worst[:, d] > goal).any()
                     and all((worst[k, d] > 0.7 * history[-3][k, d]) or worst[k, d] <= goal[k] for k in (0, 1))
                 )
                 if pending * record_bytes(DEGREES[d], model.extras) >= best or pending > MOST_RECORDS or stalled:
@@ -75,7 +76,7 @@ def _leaves(
             break
         halves, mask = [], []
         for i in np.flatnonzero(keep):
-            for piece in _halves(nodes[i], length, grids.values()):
+            for piece in _halves(nodes[i], length, parts):
                 halves.append(piece)
                 mask.append(open_[:, i])
         nodes, open_ = halves, np.array(mask).T
@@ -86,12 +87,12 @@ def _leaves(
             "smoother than that (its own rounding, the kernel's jumps between records). Ask for less."
         )
     _, d = min(sizes)
-    return DEGREES[d], sorted(leaves[d]), (float(floor[0]), float(floor[1]))
+    return DEGREES[d], sorted(leaves[d])
 
 
-def _halves(node: tuple[Fraction, Fraction], length: Fraction, parts: Sequence[Part] | object) -> list[tuple[Fraction, Fraction]]:
+def _halves(node: tuple[Fraction, Fraction], length: Fraction, parts: Sequence[Part]) -> list[tuple[Fraction, Fraction]]:
     """Return the parts of a record on the grid of half its cell's length; a record cut short by an end may stay whole."""
     a, b = node
-    part = next(p for p in parts if p.start <= a and b <= p.stop)  # pyright: ignore[reportGeneralTypeIssues]
+    part = next(p for p in parts if p.start <= a and b <= p.stop)
     cut = part.anchor + ((b - part.anchor) / length - Fraction(1, 10**6)).__floor__() * length
     return [(a, cut), (cut, b)] if a < cut < b and cut - a > length / 1000 and b - cut > length / 1000 else [node]

@@ -35,7 +35,9 @@ def crop(table: T, start: Instant | None = None, stop: Instant | None = None) ->
         TableError: If it is no table, or holds at every instant.
     """
     if not isinstance(table, Table):
-        raise TableError(f"{table!r} has no span to be cropped: it holds at every instant." if isinstance(table, IauOrientation) else NOT.format(table))
+        raise TableError(
+            f"{table!r} has no span to be cropped: it holds at every instant." if isinstance(table, IauOrientation) else NOT.format(table)
+        )
     info = table.info
     have = Fraction(info.start), Fraction(info.stop)
     low = exact_seconds(start, "start") if start is not None else have[0]
@@ -58,7 +60,9 @@ def crop(table: T, start: Instant | None = None, stop: Instant | None = None) ->
             index, compares = build.irregular(starts[kept], max(high - reference, starts[last - 1] + CLOSE))
             cut |= index
         legs.append(_leg(cut, leg, compares, info))
-    return _made(table, tuple(legs), replace(info, start=decimal(low), stop=decimal(high)), {n: getattr(table, n)[kept] for n in _by_record(info)})
+    return _made(
+        table, tuple(legs), replace(info, start=decimal(low), stop=decimal(high)), {n: getattr(table, n)[kept] for n in _by_record(info)}
+    )
 
 
 def merge(*tables: Any) -> Any:
@@ -150,7 +154,9 @@ def _check(ordered: Sequence[Table]) -> None:
         for what in ("kind", "of_id", "relative_id", "axes", "correction"):
             a, b = getattr(first.info, what), getattr(other.info, what)
             if a != b:
-                raise TableError(f"{first.describe()} and {other.describe()} cannot be merged: {what} is {a!r} of one and {b!r} of the other.")
+                raise TableError(
+                    f"{first.describe()} and {other.describe()} cannot be merged: {what} is {a!r} of one and {b!r} of the other."
+                )
         shapes = [[(leg.series, leg.rows.dtype.name) for leg in t.legs] for t in (first, other)]
         if shapes[0] != shapes[1]:
             raise TableError(

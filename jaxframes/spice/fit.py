@@ -1,6 +1,8 @@
 """Translation tables fitted to what CSPICE computes: any segment type, any pair of bodies, corrected states."""
 
+import contextlib
 from fractions import Fraction
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -162,10 +164,8 @@ def translation(
     measured = {"position error, m": found.worst[0], "velocity error, m/s": found.worst[1]}
     measured |= dict([acceleration(model, found, bounds)])
     if correction == "NONE" and all((s.kind, s.type) in POLYNOMIAL for s in segments):
-        try:
+        with contextlib.suppress(FrameError):  # a chain that changes its centres, say: CSPICE follows it, extraction does not
             measured |= jumps(extracted(kernels, of, relative, axes, bounds).legs)
-        except FrameError:  # a chain that changes its centres, say: CSPICE follows it, extraction does not
-            pass
     how = "positions" if model.positions else "velocities"
     facts = {
         "method": f"{layout} fit of CSPICE's {how}" + (f", {correction}" if correction != "NONE" else ""),
@@ -230,13 +230,13 @@ def native_grid(
     start, stop = bounds
     cuts = {start, stop} | {Fraction(x) for s in segments for x in (s.begin, s.end) if start < Fraction(x) < stop}
     edges = sorted(cuts)
-    edges = [edges[0], *(b for a, b in zip(edges, edges[1:], strict=False) if b - a > Fraction(1, 1000))]
+    edges = [edges[0], *(b for a, b in pairwise(edges) if b - a > Fraction(1, 1000))]
     edges[-1] = stop
     grids = [s.grid()[:2] for s in segments if s.type in (2, 3)] if correction == "NONE" else []
     if not grids:
-        return [Part(a, b, a) for a, b in zip(edges, edges[1:], strict=False)], stop - start
+        return [Part(a, b, a) for a, b in pairwise(edges)], stop - start
     origin, unit = min(grids, key=lambda grid: grid[1])
-    return [Part(a, b, Fraction(origin)) for a, b in zip(edges, edges[1:], strict=False)], Fraction(unit)
+    return [Part(a, b, Fraction(origin)) for a, b in pairwise(edges)], Fraction(unit)
 
 
 def acceleration(model: StateModel, found: Choice, bounds: tuple[Fraction, Fraction]) -> tuple[str, float]:

@@ -1,6 +1,7 @@
 """Orientation tables fitted to what CSPICE computes: dynamic and switch frames, C-kernels of every type, chains of frames."""
 
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from jaxframes.spice.attitude import CayleyTable
 from jaxframes.spice.ck import segments_of
 from jaxframes.spice.clock import clock_of
 from jaxframes.spice.fit import slopes, spread, wanted
+from jaxframes.spice.knots import GRACE
 from jaxframes.spice.search import DEGREES, Choice, Part, search
 from jaxframes.spice.times import exact_seconds, reference_day, span_text, two_parts
 
@@ -26,7 +28,7 @@ PCK, CK, SWITCH = 2, 3, 6
 NODES = 19  # odd: one lies in the middle of the record
 PROBES = 513  # epochs at which it is asked where there are data at all
 SHRINK = Fraction(1, 10**6)  # seconds off both ends of a C-kernel's windows, which CSPICE rounds
-TOUCHING = 3 * SHRINK  # stretches closer than this have no gap between them
+TOUCHING = 3 * GRACE  # stretches closer than this have no gap between them
 SLOPES = 300
 
 
@@ -128,7 +130,7 @@ def orientation(kernels: "Kernels", request: "Request") -> CayleyTable:
     model = TurnModel(kernels, of["name"], base["name"])
     aim = f"{of['name']} relative to {base['name']} over {span_text(*bounds)}"
     found = search(model, parts, unit, limits, None, request.layout, aim)
-    gaps = [(a[1], b[0]) for a, b in zip(stretches, stretches[1:], strict=False) if b[0] - a[1] > TOUCHING]
+    gaps = [(a[1], b[0]) for a, b in pairwise(stretches) if b[0] - a[1] > TOUCHING]
     leg, spins = _leg(found, reference_day(bounds[0]))
     measured = (("angle error, rad", found.worst[0]), ("rate error, rad/s", found.worst[1]), model.acceleration(found))
     notes = [wanted(limits, None, found, model.extras), *(f"gap: {span_text(*gap)}" for gap in gaps[:20])]
@@ -162,7 +164,7 @@ def _leg(found: Choice, reference: int) -> tuple[build.HostLeg, np.ndarray]:
             row_parts.append(rows[at:i])
             spin_parts.append(spins[at:i])
             if i < n:
-                starts.append(found.spans[i - 1][1] - reference)
+                starts.append(found.spans[i - 1][1] + GRACE - reference)
                 row_parts.append(nothing)
                 spin_parts.append(still)
             at = i
@@ -182,7 +184,9 @@ def _stretches(kernels: "Kernels", request: "Request") -> tuple[list[tuple[Fract
         clock_of(kernels, of["class_id"])  # says which kernel is missing
         names = dict.fromkeys(s.path for s in segments_of(kernels, of["class_id"]))
         if not names:
-            raise NoPathError(f"No C-kernel segment for {of['name']} (CK id {of['class_id']}) is loaded: load the C-kernel (.bc) of this frame.")
+            raise NoPathError(
+                f"No C-kernel segment for {of['name']} (CK id {of['class_id']}) is loaded: load the C-kernel (.bc) of this frame."
+            )
         for path in names:
             found = kernels._process.call("ck_windows", path, of["class_id"], doing=f"reading the coverage of {Path(path).name}")
             windows += [(Fraction(a) + SHRINK, Fraction(b) - SHRINK) for a, b in found]
@@ -208,7 +212,7 @@ def _stretches(kernels: "Kernels", request: "Request") -> tuple[list[tuple[Fract
     for a, b in windows:
         if b - a > 4 * SHRINK:
             edges = [a, *(c for c in cuts if a < c < b), b]
-            for c, d in zip(edges, edges[1:], strict=False):
+            for c, d in pairwise(edges):
                 # A switch happens between two doubles: leave the instant itself to the stretch that it starts.
                 out += _valid(kernels, request, c, d - (SHRINK if d != b else 0), each)
     if not out:
@@ -255,7 +259,7 @@ def _switches(kernels: "Kernels", of: dict[str, Any]) -> list[Fraction]:
     found = []
     for end in ("START", "STOP"):
         for key in (of["id"], of["name"]):
-            found += kernels._process.call("numbers", f"FRAME_{key}_{end}", doing=f"reading when {of['name']} switches")
+            found += kernels._process.call("instants", f"FRAME_{key}_{end}", doing=f"reading when {of['name']} switches")
     return sorted({Fraction(x) for x in found})
 
 
@@ -274,7 +278,7 @@ def _parts(kernels: "Kernels", of: dict[str, Any], stretches: list[tuple[Fractio
     own = [s for s in kernels._segments if s.kind == "PCK" and s.body == of["class_id"]] if of["class"] == PCK else []
     cuts = sorted({Fraction(x) for s in own for x in (s.begin, s.end)})
     edges = [[a, *(c for c in cuts if a < c < b), b] for a, b in stretches]
-    pairs = [(a, b) for run in edges for a, b in zip(run, run[1:], strict=False)]
+    pairs = [(a, b) for run in edges for a, b in pairwise(run)]
     if not own:
         return [Part(a, b, a) for a, b in pairs], max(b - a for a, b in stretches)
     origin, length = min((s.grid()[:2] for s in own), key=lambda grid: grid[1])

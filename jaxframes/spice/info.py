@@ -6,7 +6,6 @@ from typing import Any
 
 from jaxframes.spice.times import span_text
 
-
 EXTRACTION = "exact extraction of Chebyshev records"
 
 

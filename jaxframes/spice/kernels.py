@@ -119,8 +119,8 @@ class Kernels:
     ) -> TranslationTable:
         """Return the edge that carries a body's position relative to another: extracted exactly, or fitted.
 
-        Without ``tolerance``, ``size`` and ``correction`` the polynomials of the kernel itself are taken: SPK types 2, 3, 8, 9, 12, 13 and
-        20, exact to rounding. Otherwise a Chebyshev table is fitted to what CSPICE computes, for every type and correction, and its
+        Without ``tolerance``, ``size`` and ``correction`` the polynomials of the kernel itself are taken: SPK types 2, 3, 8, 9, 12, 13
+        and 20, exact to rounding. Otherwise a Chebyshev table is fitted to what CSPICE computes, for every type and correction, and its
         report states the errors met at independent epochs.
 
         Args:
@@ -132,8 +132,9 @@ class Kernels:
             tolerance: Fit to within these errors, with as few bytes as possible.
             size: Fit in at most so many bytes (float64), as well as possible; with ``tolerance`` the table must meet both.
             layout: Records of the fit: ``"uniform"``, or ``"dyadic"``, halved where the motion asks for it.
-            correction: ``"NONE"``, or an aberration correction of SPICE that the fit contains: ``"CN"``, ``"CN+S"``, ``"XCN"``, ``"XCN+S"``;
-                ``"LT"`` and its kin for compatibility: SPICE's velocities are then not the derivatives of its positions; the table's are.
+            correction: ``"NONE"``, or an aberration correction of SPICE that the fit contains: ``"CN"``, ``"CN+S"``, ``"XCN"`` or
+                ``"XCN+S"``; ``"LT"`` and its kin for compatibility: SPICE's velocities are then not the derivatives of its positions,
+                while the table's are.
             compose: Whether to add up the legs of an exact chain on one grid: one look-up instead of several, at the cost of one
                 more rounding of the position. Legs with velocities of their own (type 3) stay as they are.
 

@@ -1,5 +1,6 @@
 """Making attitude tables of C-kernels: which segments serve, knots in time, gaps."""
 
+from dataclasses import fields
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,8 +18,8 @@ from jaxframes.spice.times import exact_seconds, reference_day, span_text
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
 
-GRACE = Fraction(1, 10**6)
-"""A gap starts so many seconds after the data end: the last instant belongs to the data, however an epoch is rounded."""
+GRACE = Fraction(1, 10**5)
+"""A gap starts so many seconds after the data end: the last instant belongs to the data, also as an epoch of two float32."""
 
 
 def serving(kernels: "Kernels", of: dict[str, Any]) -> list[CkSegment]:
@@ -29,7 +30,9 @@ def serving(kernels: "Kernels", of: dict[str, Any]) -> list[CkSegment]:
     """
     found = segments_of(kernels, of["class_id"])
     if not found:
-        raise NoPathError(f"No C-kernel segment for {of['name']} (CK id {of['class_id']}) is loaded: load the C-kernel (.bc) of this frame.")
+        raise NoPathError(
+            f"No C-kernel segment for {of['name']} (CK id {of['class_id']}) is loaded: load the C-kernel (.bc) of this frame."
+        )
     return found
 
 
@@ -58,14 +61,14 @@ def attitude(
     others = [s for s in touching if s.type not in KNOTS]
     if others:
         raise NoPathError(
-            f"{others[0].describe()} is neither of type 1, 2 nor 3: give tolerance=jf.spice.Tolerance(angle=..., rate=...) to have a table fitted."
+            f"{others[0].describe()} is neither of type 1, 2 nor 3: give tolerance=jf.spice.Tolerance(angle=..., rate=...) "
+            "to have a table fitted."
         )
     runs = [(s, _in_base(kernels, s, _read(kernels, s, clock, bridge), of, base)) for s in touching]
     intervals, used = layered([r for r in runs if len(r[1].start)], -np.inf, np.inf)
     if intervals is None:
         raise CoverageError(_nothing(of, low, high, begins, ends))
-    intervals = _split(intervals, clock.ticks)
-    t0, t1 = clock.seconds_of(intervals.start), clock.seconds_of(intervals.stop)
+    intervals, t0, t1 = _dated(intervals, clock)
     keep = np.flatnonzero((t1[0] > (-np.inf if low is None else float(low))) & (t0[0] < (np.inf if high is None else float(high))))
     if not len(keep):
         raise CoverageError(_nothing(of, low, high, begins, ends))
@@ -110,17 +113,21 @@ def _in_base(kernels: "Kernels", segment: CkSegment, intervals: Intervals, of: d
     return Intervals(intervals.start, intervals.stop, quat.multiply(turn, intervals.q), *vectors)
 
 
-def _split(intervals: Intervals, cuts: np.ndarray) -> Intervals:
-    """Return intervals cut where the clock changes its rate: SPICE interpolates in ticks, a table in seconds."""
-    for cut in cuts:
-        inside = np.flatnonzero((intervals.start < cut) & (intervals.stop > cut))
-        if len(inside):
-            one = intervals.take(inside)
-            low, high = (np.full(len(inside), v) for v in (-np.inf, np.inf))
-            at = np.full(len(inside), float(cut))
-            others = intervals.take(np.setdiff1d(np.arange(len(intervals.start)), inside))
-            intervals = Intervals.joined([others, one.cut(low, at), one.cut(at, high)])
-    return intervals
+def _dated(intervals: Intervals, clock: Clock) -> tuple[Intervals, doubles.Pair, doubles.Pair]:
+    """Return intervals with the ET of their starts and ends, cut where the clock changes its rate: SPICE interpolates in ticks."""
+    parts, starts, ends = [], [], []
+    for piece, low, high in clock.pieces():
+        a, b = np.searchsorted(intervals.stop, low, "right"), np.searchsorted(intervals.start, high, "left")
+        if a < b:
+            own = intervals.take(np.arange(a, b))
+            if own.start[0] < low or own.stop[-1] > high:
+                own = own.cut(np.full(b - a, low), np.full(b - a, high))
+            parts.append(own)
+            starts.append(clock.seconds_of(own.start, piece))
+            ends.append(clock.seconds_of(own.stop, piece))
+    t0, t1 = (tuple(np.concatenate([t[k] for t in times]) for k in (0, 1)) for times in (starts, ends))
+    whole = type(intervals)(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(intervals)))
+    return whole, t0, t1  # pyright: ignore[reportReturnType]
 
 
 def _rows(

@@ -11,7 +11,6 @@ from jax import lax
 from jaxframes.numerics.boundary import default_float
 from jaxframes.spice.times import split
 
-
 LOW_TERMS = 6
 """Terms of each series that float32 tables hold in two parts."""
 

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-
 from jaxframes.spice.process import KernelProcess
 from jaxframes.spice.segments import Piece, Records, Segment, damaged
 
@@ -111,7 +110,7 @@ def _windows(epochs: np.ndarray, window: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _convert(times: np.ndarray, states: np.ndarray, middle: np.ndarray, radius: np.ndarray, hermite: bool) -> tuple[np.ndarray, float]:
-    """Return Chebyshev coefficients [n, 3, terms] of the polynomials through nodes, and how far their derivatives are from SPICE's velocity.
+    """Return Chebyshev coefficients [n, 3, terms] of the polynomials through nodes, and how far their derivatives are off SPICE's rates.
 
     The nodes [n, w] are taken from the nearest outwards, and what is interpolated is the difference from uniform motion through the
     nearest: both keep the rounding at that of small numbers.
@@ -198,6 +197,3 @@ def read_velocities(process: KernelProcess, piece: Piece) -> Records:
     integral[:, :, 0] += rows[:, :, -1] * scale
     middle = np.array([float(origin + (first + i + Fraction(1, 2)) * step) for i in range(len(rows))])
     return Records(integral, middle, np.full(len(rows), radius), origin + first * step, step, piece.start, piece.stop)
-
-
-

@@ -72,8 +72,8 @@ def orientation(kernels: "Kernels", request: Request) -> Any:
         return fit_turns.orientation(kernels, request)
     if of["class"] in (DYNAMIC, SWITCH):
         raise NoPathError(
-            f"{of['name']} is a {CLASSES[of['class']]} frame: give tolerance=jf.spice.Tolerance(angle=..., rate=...) to have a table fitted to "
-            "what CSPICE computes."
+            f"{of['name']} is a {CLASSES[of['class']]} frame: give tolerance=jf.spice.Tolerance(angle=..., rate=...) to have a "
+            "table fitted to what CSPICE computes."
         )
     if of["class"] == CK:
         return knots.attitude(kernels, of, base, request.start, request.stop, request.ck, request.bridge)

@@ -38,7 +38,9 @@ class Tolerance:
         """Check the numbers."""
         given = [v for v in (self.position, self.velocity, self.angle, self.rate) if v is not None]
         if not given or not all(np.isfinite(v) and v > 0 for v in given):
-            raise ToleranceError(f"{self!r}: give at least one of position, velocity (m, m/s) or angle, rate (rad, rad/s), greater than zero.")
+            raise ToleranceError(
+                f"{self!r}: give at least one of position, velocity (m, m/s) or angle, rate (rad, rad/s), greater than zero."
+            )
 
     def bounds(self, kind: str) -> tuple[float, float]:
         """Return the bounds of value and rate for a translation or an orientation, infinite where none is given."""
@@ -167,7 +169,12 @@ def search(
         best = entry.errors[:, np.argmin(entry.errors[0])]
         floor = [min(f, float(w)) for f, w in zip(floor, best, strict=True)]
     smallest = min(
-        (e.count * record_bytes(d, model.extras) for e in levels for d, er in zip(DEGREES, e.errors.T, strict=True) if (er <= bounds).all()),
+        (
+            e.count * record_bytes(d, model.extras)
+            for e in levels
+            for d, er in zip(DEGREES, e.errors.T, strict=True)
+            if (er <= bounds).all()
+        ),
         default=None,
     )
     if size is not None and smallest is not None:

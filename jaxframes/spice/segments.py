@@ -183,7 +183,12 @@ def read_records(process: KernelProcess, piece: Piece) -> Records:
     rows = np.asarray(words, np.float64).reshape(last - first + 1, size)
     middle, radius = rows[:, 0].copy(), rows[:, 1].copy()
     expected = init + (np.arange(first, last + 1) + 0.5) * length
-    if not np.isfinite(rows).all() or np.abs(rows[:, 2:]).max() > MOST or np.abs(middle - expected).max() > 1e-6 * length or np.abs(radius * 2 / length - 1).max() > 1e-6:
+    if (
+        not np.isfinite(rows).all()
+        or np.abs(rows[:, 2:]).max() > MOST
+        or np.abs(middle - expected).max() > 1e-6 * length
+        or np.abs(radius * 2 / length - 1).max() > 1e-6
+    ):
         raise BadKernelError(f"{segment.describe()} is damaged: its records are not finite or not where its directory says.")
     coefficients = rows[:, 2:].reshape(len(rows), segment.series, -1)
     return Records(coefficients, middle, radius, Fraction(init) + first * step, step, piece.start, piece.stop)

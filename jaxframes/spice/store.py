@@ -38,7 +38,7 @@ MARK = b"jaxframes tables, sha256 of all before this: "
 
 @dataclass(frozen=True)
 class Kind:
-    """How tables of a kind are stored, beside their legs and facts: further arrays, and static fields; models without legs say themselves."""
+    """How tables of a kind are stored, beside their legs and facts: further arrays, and static fields. Models store themselves."""
 
     table: type[Any]
     arrays: tuple[str, ...] = ()
@@ -203,9 +203,7 @@ def _table(archive: zipfile.ZipFile, name: str, entry: dict[str, Any]) -> Storab
     if kind.table is IauOrientation:
         return IauOrientation.from_arrays({n: _read_array(archive, file) for n, file in entry["arrays"].items()}, info)
     legs = tuple(
-        to_leg(
-            {n: _read_array(archive, file) for n, file in leg["arrays"].items()}, leg["series"], leg["compares"], low=has_low(info.kind)
-        )
+        to_leg({n: _read_array(archive, file) for n, file in leg["arrays"].items()}, leg["series"], leg["compares"], low=has_low(info.kind))
         for leg in entry["legs"]
     )
     reference, start, stop = (Fraction(x) for x in (info.reference, info.start, info.stop))

@@ -140,7 +140,7 @@ class TranslationTable(Table):
         Args:
             time: An ``Epoch`` [...], or seconds past J2000 TDB [...].
         """
-        return two_part.position(self.run, *two_parts_of(time))
+        return two_part.position(self.run, *two_parts(time))
 
 
 @family(static=("info",))

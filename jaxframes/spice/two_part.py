@@ -1,4 +1,4 @@
-"""Positions in two parts: the lowest Chebyshev terms in double-single arithmetic, so that float32 keeps what it cannot hold in one number."""
+"""Positions in two parts: the lowest Chebyshev terms in double-single arithmetic, so that float32 keeps what one number cannot hold."""
 
 import functools
 from typing import Any
@@ -40,13 +40,13 @@ def _leg(leg: Leg, dt_hi: jax.Array, dt_lo: jax.Array) -> list[Two]:
     twice = (s[0] * 2, s[1] * 2)
     out = []
     for axis in range(3):
-        coefficient = lambda k, axis=axis: row[k * leg.series + axis]
+        column = [row[k * leg.series + axis] for k in range(terms)]
         last, before = zero, zero
         for k in range(terms - 1, count - 1, -1):
-            last, before = coefficient(k) + (twice[0] * last - before), last
+            last, before = column[k] + (twice[0] * last - before), last
         wide, wider = (last, zero), (before, zero)
         for k in range(count - 1, -1, -1):
-            c = (coefficient(k), zero if low is None else low[k * leg.series + axis])
+            c = (column[k], zero if low is None else low[k * leg.series + axis])
             factor = s if k == 0 else twice
             wide, wider = _add(c, _add(_multiply(factor, wide), (-wider[0], -wider[1]))), wide
         out.append(wide)

@@ -237,8 +237,8 @@ class Reader:
         """Return ET seconds of encoded ticks."""
         return self.numpy.array([self.spice.sct2e(clock, float(t)) for t in ticks])
 
-    def numbers(self, name: str) -> list[float]:
-        """Return the numbers of a kernel variable, none if it does not exist; times given as text become ET seconds."""
+    def instants(self, name: str) -> list[float]:
+        """Return the instants that a kernel variable holds as ET seconds, none if it does not exist; text is read as a time."""
         try:
             count, kind = self.spice.dtpool(name)
         except self.spice.NotFoundError:

@@ -112,19 +112,19 @@ def clock(folder, origin=0.0, rate=1.0, system=1, later=()):
 
 
 def pointing(path, kind, seconds, q, w, starts=None, rates=True, base="J2000", append=()):
-    """Write a C-kernel of type 1, 2 or 3: seconds of the clock's counts, poses o_T_p and angular velocities; ``append`` more of the same."""
+    """Write a C-kernel of type 1, 2 or 3: seconds of the clock's counts, poses o_T_p, angular velocities; ``append`` more of the same."""
     handle = spiceypy.ckopn(str(path), "test", 0)
-    for seconds, q, w, starts in ((seconds, q, w, starts), *append):
-        ticks = np.asarray(seconds) * 65536.0
-        spice = q * np.array([1.0, -1, -1, -1])
+    for counts, poses, spins, begins in ((seconds, q, w, starts), *append):
+        ticks = np.asarray(counts) * 65536.0
+        spice = poses * np.array([1.0, -1, -1, -1])
+        ends = (handle, ticks[0], ticks[-1], -77000, base)
         if kind == 2:
             n = len(ticks) - 1
-            per = np.full(n, 1 / 65536)
-            spiceypy.ckw02(handle, ticks[0], ticks[-1], -77000, base, "SPIN", n, ticks[:-1], ticks[1:], spice[:-1], w[:-1], per)
+            spiceypy.ckw02(*ends, "SPIN", n, ticks[:-1], ticks[1:], spice[:-1], spins[:-1], np.full(n, 1 / 65536))
         elif kind == 1:
-            spiceypy.ckw01(handle, ticks[0], ticks[-1], -77000, base, rates, "POINTS", len(ticks), ticks, spice, w)
+            spiceypy.ckw01(*ends, rates, "POINTS", len(ticks), ticks, spice, spins)
         else:
-            first = np.asarray([seconds[0]] if starts is None else starts) * 65536.0
-            spiceypy.ckw03(handle, ticks[0], ticks[-1], -77000, base, rates, "KNOTS", len(ticks), ticks, spice, w, len(first), first)
+            first = np.asarray([counts[0]] if begins is None else begins) * 65536.0
+            spiceypy.ckw03(*ends, rates, "KNOTS", len(ticks), ticks, spice, spins, len(first), first)
     spiceypy.ckcls(handle)
     return str(path)

@@ -9,7 +9,7 @@ import pytest
 
 import jaxframes as jf
 from jaxframes.errors import CoverageError, TableError
-from tests.spice import made, orbits
+from tests.spice import orbits
 from tests.spice.test_store import equal
 
 DATA = Path(__file__).parent.parent / "data"

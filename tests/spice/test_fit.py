@@ -37,7 +37,16 @@ def test_tolerances_are_met_within_few_bytes(kernels, rng, target, center, posit
     assert error <= 3 * measured(edge, "acceleration error") + 1e-14
     jumps = [measured(edge, f"kernel's own jumps in {what}") for what in ("position", "velocity", "acceleration")]
     assert all(jump > 0 for jump in jumps)
-    for part in ("fit of CSPICE's velocities", "records", "degree", "bytes", "position error, m", "velocity error", "acceleration error", "de440"):
+    for part in (
+        "fit of CSPICE's velocities",
+        "records",
+        "degree",
+        "bytes",
+        "position error, m",
+        "velocity error",
+        "acceleration error",
+        "de440",
+    ):
         assert part in edge.report()
 
 
@@ -137,3 +146,115 @@ def test_two_parts_hold_the_moon_in_float32(kernels, cspice, rng, dtype):
         assert edge.legs[0].low is not None
         wide = edge.astype(np.float32)
         np.testing.assert_array_equal(wide.evaluate_two_part(times)[1], lo)
+
+
+FRAMES = """KPL/FK
+\\begindata
+FRAME_TESTGSE = 1500000
+FRAME_1500000_NAME = 'TESTGSE'
+FRAME_1500000_CLASS = 5
+FRAME_1500000_CLASS_ID = 1500000
+FRAME_1500000_CENTER = 399
+FRAME_1500000_RELATIVE = 'J2000'
+FRAME_1500000_DEF_STYLE = 'PARAMETERIZED'
+FRAME_1500000_FAMILY = 'TWO-VECTOR'
+FRAME_1500000_PRI_AXIS = 'X'
+FRAME_1500000_PRI_VECTOR_DEF = 'OBSERVER_TARGET_POSITION'
+FRAME_1500000_PRI_OBSERVER = 'EARTH'
+FRAME_1500000_PRI_TARGET = 'SUN'
+FRAME_1500000_PRI_ABCORR = 'NONE'
+FRAME_1500000_SEC_AXIS = 'Y'
+FRAME_1500000_SEC_VECTOR_DEF = 'OBSERVER_TARGET_VELOCITY'
+FRAME_1500000_SEC_OBSERVER = 'EARTH'
+FRAME_1500000_SEC_TARGET = 'SUN'
+FRAME_1500000_SEC_ABCORR = 'NONE'
+FRAME_1500000_SEC_FRAME = 'J2000'
+FRAME_TESTSWITCH = 1500001
+FRAME_1500001_NAME = 'TESTSWITCH'
+FRAME_1500001_CLASS = 6
+FRAME_1500001_CLASS_ID = 1500001
+FRAME_1500001_CENTER = 399
+FRAME_1500001_ALIGNED_WITH = ( 'ECLIPJ2000', 'ITRF93', 'TESTGSE' )
+FRAME_1500001_START = ( '2026-01-02-00:00:00 TDB', '2026-01-05-00:00:00 TDB', '2026-01-08-12:00:00 TDB' )
+FRAME_1500001_STOP = ( '2026-01-05-00:00:00 TDB', '2026-01-07-00:00:00 TDB', '2026-01-20-00:00:00 TDB' )
+\\begintext
+"""
+JANUARY = {"start": "2026-01-01", "stop": "2026-01-20"}
+
+
+@pytest.fixture(scope="module")
+def framed(paths, tmp_path_factory):
+    """Kernels with a dynamic and a switch frame, and a spacecraft's attitude of CK type 5."""
+    import spiceypy
+
+    folder = tmp_path_factory.mktemp("frames")
+    (folder / "frames.tf").write_text(FRAMES)
+    times = np.arange(0, 3000.0, 10.0)
+    ticks, spice = times * 65536, orbits.slew(times)[0] * np.array([1.0, -1, -1, -1])
+    files = [*orbits.clock(folder, 820497600.0), str(folder / "5.bc")]
+    handle = spiceypy.ckopn(files[-1], "test", 0)
+    starts = np.array([ticks[0], ticks[150]])
+    spiceypy.ckw05(handle, 1, 7, ticks[0], ticks[-1], -77000, "J2000", True, "FIVE", ticks, spice, 1 / 65536, 2, starts)
+    spiceypy.ckcls(handle)
+    with jf.spice.Kernels([*paths, str(folder / "frames.tf"), *files]) as kernels:
+        yield kernels
+
+
+@pytest.mark.float64
+@pytest.mark.parametrize(
+    ("frame", "span", "angle", "rate", "layout"),
+    [
+        ("ITRF93", JANUARY, 1e-9, 1e-12, "uniform"),
+        ("TESTGSE", JANUARY, 1e-10, 1e-14, "uniform"),
+        ("TESTSWITCH", JANUARY, 1e-9, 1e-12, "dyadic"),
+        ("TESTCRAFT", {}, 1e-9, 1e-10, "uniform"),
+    ],
+)
+def test_orientations_of_every_class(framed, rng, frame, span, angle, rate, layout):
+    edge = framed.orientation(frame=frame, tolerance=T(angle=angle, rate=rate), layout=layout, **span)
+    begin, end = float(edge.info.start), float(edge.info.stop)
+    times = rng.uniform(begin, end, 1000)
+    times = times[np.asarray(edge.coverage_code(times)) == 0]
+    worst = jf.spice.compare(framed, edge, times)
+    assert worst.value <= angle
+    assert worst.rate <= rate
+    assert measured(edge, "angle error") <= angle
+    largest = np.linalg.norm(edge.evaluate(times[:50])[2], axis=1).max()
+    assert measured(edge, "angular acceleration error") < max(1e-3 * largest, 1e-14)
+    assert "Cayley" in edge.report()
+    if frame == "TESTSWITCH":
+        day = np.array([0.5, 3.9999, 4.0, 5.9999, 6.5, 7.4999, 7.5, 18.9])
+        assert np.asarray(edge.coverage_code(820497600 + 86400 * day)).tolist() == [-1, 0, 0, 0, 1, 1, 0, 0]
+        assert "gap: 2026-01-07T00:00:00" in edge.report()
+        assert "1 gaps in all" in edge.report()
+    if frame == "TESTCRAFT":
+        assert np.asarray(edge.coverage_code(820497600 + np.array([1489.0, 1495.0, 1501.0]))).tolist() == [0, 1, 0]
+
+
+@pytest.mark.float64
+def test_fitted_orientations_have_exact_derivatives(framed):
+    import jax
+
+    edge = framed.orientation(frame="ITRF93", tolerance=T(angle=1e-9, rate=1e-12), **JANUARY)
+    t = 820600000.0
+    alpha = jax.jacfwd(lambda t: edge.evaluate(t, 1)[1])(t)
+    np.testing.assert_allclose(alpha, edge.evaluate(t)[2], rtol=1e-9)
+    q, w, _ = edge.evaluate(t)
+    rate = jax.jacrev(lambda t: edge.evaluate(t, 0)[0])(t)
+    x, y, z = w
+    spin = np.array([[0, -x, -y, -z], [x, 0, -z, y], [y, z, 0, -x], [z, -y, x, 0]]) @ q / 2
+    np.testing.assert_allclose(rate, spin, rtol=1e-11, atol=1e-19)
+
+
+@pytest.mark.float64
+def test_orientations_that_cannot_be_fitted_say_so(framed):
+    with pytest.raises(NoPathError, match=r"TESTGSE is a dynamic frame: give tolerance="):
+        framed.orientation(frame="TESTGSE", **JANUARY)
+    with pytest.raises(NoPathError, match=r"'FIVE' \(CK type 5.*give tolerance="):
+        framed.orientation(frame="TESTCRAFT")
+    with pytest.raises(CoverageError, match="TESTGSE has no coverage of its own"):
+        framed.orientation(frame="TESTGSE", tolerance=T(angle=1e-9))
+    with pytest.raises(CoverageError, match="no orientation of TESTSWITCH"):
+        framed.orientation(frame="TESTSWITCH", start="2027-01-01", stop="2027-01-02", tolerance=T(angle=1e-9))
+    with pytest.raises(ToleranceError, match=r"ITRF93 .*no table meets 1e-16"):
+        framed.orientation(frame="ITRF93", tolerance=T(angle=1e-16), start="2026-01-01", stop="2026-01-03")

@@ -93,7 +93,21 @@ def test_velocities_as_series_type_20(cspice, tmp_path, rng):
     handle = cspice.spkopn(path, "test", 0)
     first = (2451545.0 + 9000 - 2451545.0) * 86400
     cspice.spkw20(
-        handle, -77, 399, "J2000", first, first + count * days * 86400, "VELOCITIES", days, count, terms - 2, cdata.reshape(-1), 2.0, 0.5, 2460545.0, 0.0
+        handle,
+        -77,
+        399,
+        "J2000",
+        first,
+        first + count * days * 86400,
+        "VELOCITIES",
+        days,
+        count,
+        terms - 2,
+        cdata.reshape(-1),
+        2.0,
+        0.5,
+        2460545.0,
+        0.0,
     )
     cspice.spkcls(handle)
     at = first + np.concatenate([rng.uniform(0, count * days * 86400, 300), [0.0, count * days * 86400]])
