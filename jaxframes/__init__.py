@@ -32,6 +32,8 @@ from jaxframes.spatial import norm as norm
 from jaxframes.spatial import normalize as normalize
 from jaxframes.spatial import phi as phi
 from jaxframes.spatial import stack as stack
+from jaxframes.spatial.utc import SHIPPED_LEAP_SECONDS as SHIPPED_LEAP_SECONDS
+from jaxframes.spatial.utc import LeapSeconds as LeapSeconds
 from jaxframes.tree import FrameTree as FrameTree
 from jaxframes.tree import State as State
 from jaxframes.tree import TreeBuilder as TreeBuilder

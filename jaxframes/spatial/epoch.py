@@ -1,7 +1,7 @@
 """Epoch: an instant as seconds past J2000 TDB in two parts, so that nothing is lost to rounding."""
 
 import datetime
-import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
@@ -13,11 +13,10 @@ import numpy as np
 from jaxframes.errors import FrameError
 from jaxframes.numerics.boundary import as_float, default_float, is_concrete
 from jaxframes.numerics.eft import fast_two_sum, two_sum
-from jaxframes.spatial.utc import utc_seconds
+from jaxframes.spatial import calendar
+from jaxframes.spatial.calendar import tdb_seconds, tdb_text
+from jaxframes.spatial.utc import SHIPPED_LEAP_SECONDS, LeapSeconds
 from jaxframes.spatial.value import tag
-
-_J2000 = datetime.datetime(2000, 1, 1, 12)
-_CALENDAR = re.compile(r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d)(\.\d+)?)?)?(?:\s*TDB)?")
 
 
 @jax.tree_util.register_dataclass
@@ -61,28 +60,81 @@ class Epoch:
         return cls(*two_sum(as_float(hi), as_float(lo)))
 
     @classmethod
-    def from_tdb(cls, text: str) -> "Epoch":
+    def from_tdb(cls, text: str | Sequence[Any]) -> "Epoch":
         """Return the epoch of a calendar date in TDB, such as ``2026-03-01`` or ``2026-03-01T12:00:00.125`` (exact).
+
+        Args:
+            text: The date; nested sequences of them give a batch [...]. So in all readers of text here.
 
         Raises:
             FrameError: The text is no such date.
         """
-        return cls._from_exact(tdb_seconds(text))
+        return cls._read(text, "TDB", tdb_seconds)
 
     @classmethod
-    def from_utc(cls, text: str) -> "Epoch":
-        """Return the epoch of a calendar date in UTC, such as ``2026-03-01T00:00:00`` (leap seconds ship with the package).
+    def from_tt(cls, text: str | Sequence[Any], *, leap_seconds: LeapSeconds | None = None) -> "Epoch":
+        """Return the epoch of a calendar date in terrestrial time, TT. ``leap_seconds`` only gives the formula of TDB - TT (FrameError)."""
+        table = leap_seconds or SHIPPED_LEAP_SECONDS
+        return cls._read(text, "TT", lambda date: table.tdb_of_tt(calendar.uniform_seconds(date, "TT")))
+
+    @classmethod
+    def from_tai(cls, text: str | Sequence[Any], *, leap_seconds: LeapSeconds | None = None) -> "Epoch":
+        """Return the epoch of a calendar date in atomic time, TAI, which is TT - 32.184 s (FrameError)."""
+        table = leap_seconds or SHIPPED_LEAP_SECONDS
+        return cls._read(text, "TAI", lambda date: table.tdb_of_tt(calendar.uniform_seconds(date, "TAI") + table.tt_minus_tai))
+
+    @classmethod
+    def from_utc(cls, text: str | Sequence[Any], *, leap_seconds: LeapSeconds | None = None) -> "Epoch":
+        """Return the epoch of a calendar date in UTC, such as ``2026-03-01T00:00:00``; leap seconds (``23:59:60``) are read.
+
+        Args:
+            text: The date. UTC is never taken as a number of seconds: such a count skips or repeats leap seconds.
+            leap_seconds: The table to read it by, e.g. ``kernels.leap_seconds()``. Default: the one that ships with the package,
+                ``jf.SHIPPED_LEAP_SECONDS``, whose ``as_of`` states its date.
 
         Raises:
             FrameError: The text is no such date, or lies before 1972.
         """
-        return cls._from_exact(utc_seconds(text))
+        return cls._read(text, "UTC", (leap_seconds or SHIPPED_LEAP_SECONDS).tdb_of_utc)
+
+    @classmethod
+    def from_datetime(cls, moment: datetime.datetime, *, leap_seconds: LeapSeconds | None = None) -> "Epoch":
+        """Return the epoch of a Python datetime: an aware one is converted to UTC, a naive one is taken to be UTC (never local time).
+
+        Raises:
+            FrameError: It is no datetime, or lies before 1972.
+        """
+        if not isinstance(moment, datetime.datetime):
+            raise FrameError(f"Epoch.from_datetime takes a datetime.datetime, found {type(moment).__name__}: {moment!r}")
+        utc = moment if moment.tzinfo is None else moment.astimezone(datetime.UTC).replace(tzinfo=None)
+        return cls.from_utc(utc.isoformat(), leap_seconds=leap_seconds)
+
+    @classmethod
+    def from_tt_parts(cls, hi: Any, lo: Any = 0.0, *, leap_seconds: LeapSeconds | None = None) -> "Epoch":
+        """Return the epoch ``hi + lo`` seconds past J2000 TT (2000-01-01T12:00:00 TT) of arrays [...]; traceable."""
+        table, given = leap_seconds or SHIPPED_LEAP_SECONDS, cls.from_parts(*_whole_parts(hi, lo))
+        return cls(*table.tdb_parts(given.hi, given.lo))
+
+    @classmethod
+    def from_tai_parts(cls, hi: Any, lo: Any = 0.0, *, leap_seconds: LeapSeconds | None = None) -> "Epoch":
+        """Return the epoch ``hi + lo`` seconds past 2000-01-01T12:00:00 TAI of arrays [...]; traceable."""
+        table, given = leap_seconds or SHIPPED_LEAP_SECONDS, cls.from_parts(*_whole_parts(hi, lo))
+        return cls(*table.tdb_parts(*table.tai_parts(given.hi, given.lo, 1)))
+
+    @classmethod
+    def _read(cls, text: Any, scale: str, seconds_of: Callable[[str], Fraction]) -> "Epoch":
+        if isinstance(text, str):
+            return cls._from_exact(seconds_of(text))
+        if not isinstance(text, (list, tuple, np.ndarray)):
+            count = " A count of UTC seconds would skip or repeat leap seconds." if scale == "UTC" else ""
+            raise FrameError(f"{scale} is read from calendar text such as '2026-03-01T00:00:00', found {text!r}.{count}")
+        parts = [cls._read(item, scale, seconds_of) for item in (text.tolist() if isinstance(text, np.ndarray) else text)]
+        return cls(jnp.stack([p.hi for p in parts]), jnp.stack([p.lo for p in parts]))
 
     @classmethod
     def _from_exact(cls, seconds: Fraction) -> "Epoch":
-        number = np.dtype(default_float()).type
-        hi = number(float(seconds))
-        return cls(jnp.asarray(hi), jnp.asarray(number(float(seconds - Fraction(float(hi))))))
+        hi, lo = _split_exact(seconds, default_float())
+        return cls(jnp.asarray(hi), jnp.asarray(lo))
 
     @property
     def et(self) -> jax.Array:
@@ -95,7 +147,7 @@ class Epoch:
         return jnp.broadcast_shapes(jnp.shape(self.hi), jnp.shape(self.lo))
 
     def __add__(self, seconds: Any) -> "Epoch":
-        """Return the epoch a duration later; the rounding error of the high part moves to the low part."""
+        """Return the epoch a duration later: seconds [...], a ``Fraction`` or a ``datetime.timedelta``; nothing of it is lost."""
         if isinstance(seconds, Epoch):
             raise FrameError("two epochs cannot be added; add a duration in seconds, or subtract the epochs")
         coarse, fine = _two_parts(seconds, self.hi.dtype)
@@ -122,9 +174,56 @@ class Epoch:
         """Return a copy with the fields given replaced."""
         return replace(self, **changes)
 
+    @property
+    def tt(self) -> tuple[jax.Array, jax.Array]:
+        """Seconds past J2000 TT in two parts [...], by the formula of NAIF's leap-seconds kernels; traceable."""
+        return SHIPPED_LEAP_SECONDS.tt_parts(*_same_rank(self.hi, self.lo))
+
+    @property
+    def tai(self) -> tuple[jax.Array, jax.Array]:
+        """Seconds past 2000-01-01T12:00:00 TAI in two parts [...]; traceable."""
+        return SHIPPED_LEAP_SECONDS.tai_parts(*self.tt, -1)
+
     def to_tdb(self, digits: int = 3) -> str:
         """Return one epoch as calendar text in TDB, rounded to ``digits`` decimals of a second (host only)."""
-        return tdb_text(Fraction(float(self.hi)) + Fraction(float(self.lo)), digits)
+        return tdb_text(self._exact(), digits)
+
+    def to_tt(self, digits: int = 3, *, leap_seconds: LeapSeconds | None = None) -> str:
+        """Return one epoch as calendar text in TT, rounded to ``digits`` decimals of a second (host only)."""
+        return calendar.uniform_text((leap_seconds or SHIPPED_LEAP_SECONDS).tt_of_tdb(self._exact()), digits, "TT")
+
+    def to_tai(self, digits: int = 3, *, leap_seconds: LeapSeconds | None = None) -> str:
+        """Return one epoch as calendar text in TAI, rounded to ``digits`` decimals of a second (host only)."""
+        table = leap_seconds or SHIPPED_LEAP_SECONDS
+        return calendar.uniform_text(table.tt_of_tdb(self._exact()) - table.tt_minus_tai, digits, "TAI")
+
+    def to_utc(self, digits: int = 3, *, leap_seconds: LeapSeconds | None = None) -> str:
+        """Return one epoch as calendar text in UTC, rounded to ``digits`` decimals (host only); a leap second reads ``23:59:60``.
+
+        Raises:
+            FrameError: The epoch lies before 1972, or beyond the calendar.
+        """
+        day, ticks = (leap_seconds or SHIPPED_LEAP_SECONDS).utc_of_tdb(self._exact(), digits)
+        date = calendar.date_text(day)
+        if date is None:
+            raise FrameError(f"{self!r} lies beyond the calendar of four-digit years; write it as seconds, .et")
+        return f"{date}T{calendar.clock_text(ticks, digits)}"
+
+    def to_datetime(self, *, leap_seconds: LeapSeconds | None = None) -> datetime.datetime:
+        """Return one epoch as an aware datetime in UTC, rounded to microseconds (host only).
+
+        Raises:
+            FrameError: The epoch lies within a leap second, which a datetime cannot say, or where ``to_utc`` refuses.
+        """
+        text = self.to_utc(6, leap_seconds=leap_seconds)
+        if text[17:19] == "60":
+            raise FrameError(f"{text} UTC is a leap second, which a datetime cannot say; use to_utc")
+        return datetime.datetime.fromisoformat(text).replace(tzinfo=datetime.UTC)
+
+    def _exact(self) -> Fraction:
+        if self.shape or not is_concrete(self.hi) or not np.isfinite(self.hi):
+            raise FrameError(f"text is written of one known, finite epoch, found {self!r}; index a batch, and stay outside jit")
+        return Fraction(float(self.hi)) + Fraction(float(self.lo))
 
     def __repr__(self) -> str:
         if isinstance(self.hi, (jax.Array, np.ndarray)) and is_concrete(self.hi):
@@ -134,8 +233,25 @@ class Epoch:
         return f"Epoch(hi={self.hi!r}, lo={self.lo!r})"
 
 
+def _split_exact(seconds: Fraction, dtype: Any) -> tuple[Any, Any]:
+    """Return an exact number as two numbers of a dtype."""
+    number = np.dtype(dtype).type
+    hi = number(float(seconds))
+    return hi, number(float(seconds - Fraction(float(hi))))
+
+
+def _whole_parts(hi: Any, lo: Any) -> tuple[jax.Array, jax.Array]:
+    hi = as_float(hi)
+    return hi, jnp.broadcast_to(jnp.asarray(lo, hi.dtype), hi.shape)
+
+
 def _two_parts(seconds: Any, dtype: Any) -> tuple[jax.Array, jax.Array]:
     """Return a number of seconds in two parts; numbers of the host and integers are split, so that none of their digits is lost."""
+    if isinstance(seconds, datetime.timedelta):
+        seconds = Fraction(seconds.days * 86400 + seconds.seconds) + Fraction(seconds.microseconds, 10**6)
+    if isinstance(seconds, Fraction):
+        hi, lo = _split_exact(seconds, dtype or default_float())
+        return jnp.asarray(hi), jnp.asarray(lo)
     if isinstance(seconds, jax.Array) and jnp.issubdtype(seconds.dtype, jnp.integer):
         coarse = (seconds >> 12) << 12
         parts = coarse, seconds - coarse
@@ -151,32 +267,3 @@ def _two_parts(seconds: Any, dtype: Any) -> tuple[jax.Array, jax.Array]:
 def _same_rank(a: jax.Array, b: jax.Array) -> tuple[jax.Array, jax.Array]:
     shape = jnp.broadcast_shapes(a.shape, b.shape)
     return jnp.broadcast_to(a, shape), jnp.broadcast_to(b, shape)
-
-
-def tdb_seconds(text: str) -> Fraction:
-    """Return the exact seconds past J2000 TDB of calendar text in TDB.
-
-    Raises:
-        FrameError: The text is no such date.
-    """
-    match = _CALENDAR.fullmatch(text.strip())
-    if match is None:
-        raise FrameError(f"{text!r} is no TDB date; write it as 2026-03-01 or 2026-03-01T12:00:00.125 (optionally with TDB)")
-    year, month, day, hour, minute, second = (int(g or 0) for g in match.groups()[:6])
-    try:
-        whole = datetime.datetime(year, month, day, hour, minute, second) - _J2000
-    except ValueError as error:
-        raise FrameError(f"{text!r} is no TDB date: {error}") from None
-    return Fraction(whole.days * 86400 + whole.seconds) + Fraction(match.group(7) or 0)
-
-
-def tdb_text(seconds: Fraction, digits: int = 3) -> str:
-    """Return calendar text in TDB of exact seconds past J2000, rounded to ``digits`` decimals of a second."""
-    ticks = round(seconds * 10**digits)
-    whole, fraction = divmod(ticks, 10**digits)
-    days, rest = divmod(whole, 86400)
-    try:
-        stamp = _J2000 + datetime.timedelta(days=days, seconds=rest)
-    except OverflowError:
-        return f"ET {float(seconds):.{digits}f} s"
-    return stamp.strftime(f"{stamp.year:04d}-%m-%dT%H:%M:%S") + (f".{fraction:0{digits}d}" if digits else "")

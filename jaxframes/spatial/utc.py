@@ -1,11 +1,17 @@
-"""UTC on the host: leap seconds and the small terms between atomic time and TDB."""
+"""UTC, TAI and TT: leap seconds, and the small terms between atomic time and TDB; on the host exact, under jit by the same formula."""
 
 import datetime
 import math
-import re
+from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
+
+import jax.numpy as jnp
 
 from jaxframes.errors import FrameError
+from jaxframes.numerics.eft import fast_two_sum, two_sum
+from jaxframes.spatial import calendar
+from jaxframes.spatial.calendar import DAY, NOON
 
 LEAP_SECONDS_AS_OF = "2026-11 (no leap second announced after 2017-01-01; IERS Bulletin C, NAIF naif0012.tls)"
 
@@ -15,36 +21,114 @@ _LEAP_DAYS = (
     *((1981, 7), (1982, 7), (1983, 7), (1985, 7), (1988, 1), (1990, 1), (1991, 1), (1992, 7), (1993, 7), (1994, 7)),
     *((1996, 1), (1997, 7), (1999, 1), (2006, 1), (2009, 1), (2012, 7), (2015, 7), (2017, 1)),
 )
-_TT_MINUS_TAI = Fraction(32184, 1000)
-_K, _EB, _M0, _M1 = 1.657e-3, 1.671e-2, 6.239996, 1.99096871e-7  # NAIF leap-seconds kernel: DELTET/K, EB, M
-_J2000 = datetime.date(2000, 1, 1)
-_UTC = re.compile(r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d)(\.\d+)?)?)?(?:\s*(?:Z|UTC|\+00:00))?")
 
 
-def utc_seconds(text: str) -> Fraction:
-    """Return the seconds past J2000 TDB of calendar text in UTC, such as ``2026-03-01T00:00:00.5``; leap seconds are read.
+@dataclass(frozen=True)
+class LeapSeconds:
+    """What ties UTC to TDB: the leap seconds, and the formula for TDB - TT; the content of a NAIF leap-seconds kernel.
 
-    TDB - TT follows the two-term formula of the NAIF leap-seconds kernel (30 microseconds from the full theory).
+    ``SHIPPED_LEAP_SECONDS`` comes with the package; ``Kernels.leap_seconds()`` gives that of a kernel.
 
-    Raises:
-        FrameError: The text is no UTC date, or lies before 1972, when UTC had no whole leap seconds.
+    Attributes:
+        starts: (first day, TAI - UTC in whole seconds from then on), days past 2000-01-01, in time order.
+        tt_minus_tai: Seconds, exact (DELTET/DELTA_T_A).
+        k: Amplitude of TDB - TT, s (DELTET/K).
+        eb: Eccentricity in E = M + EB sin M (DELTET/EB).
+        m0: M at J2000, rad (DELTET/M).
+        m1: Rate of M, rad/s.
+        as_of: Where the table comes from, and what it knows.
     """
-    match = _UTC.fullmatch(text.strip())
-    if match is None:
-        raise FrameError(f"{text!r} is no UTC date; write it as 2026-03-01 or 2026-03-01T12:00:00.125 (optionally with Z or UTC)")
-    year, month, day, hour, minute, second = (int(g or 0) for g in match.groups()[:6])
-    try:
-        date = datetime.date(year, month, day)
-    except ValueError as error:
-        raise FrameError(f"{text!r} is no UTC date: {error}") from None
-    days = [datetime.date(y, m, 1) for y, m in _LEAP_DAYS]
-    leap_day = date + datetime.timedelta(days=1) in days[1:]
-    if date < days[0]:
-        raise FrameError(f"{text!r} lies before 1972-01-01, when UTC had no whole leap seconds; use Epoch.from_tdb")
-    if hour > 23 or minute > 59 or second > (60 if leap_day and hour == 23 and minute == 59 else 59):
-        raise FrameError(f"{text!r} is no UTC date: {hour:02d}:{minute:02d}:{second:02d} does not exist on that day")
-    leaps = 9 + sum(date >= d for d in days)
-    atomic = Fraction((date - _J2000).days * 86400 + hour * 3600 + minute * 60 + second - 43200) + Fraction(match.group(7) or 0) + leaps
-    terrestrial = atomic + _TT_MINUS_TAI
-    anomaly = _M0 + _M1 * float(terrestrial)
-    return terrestrial + Fraction(_K * math.sin(anomaly + _EB * math.sin(anomaly)))
+
+    starts: tuple[tuple[int, int], ...]
+    tt_minus_tai: Fraction
+    k: float
+    eb: float
+    m0: float
+    m1: float
+    as_of: str
+
+    def tdb_minus_tt(self, tt: Any) -> Any:
+        """Return TDB - TT in seconds at seconds past J2000 TT: K sin E, E = M + EB sin M (30 microseconds from the full theory)."""
+        sin = math.sin if isinstance(tt, float) else jnp.sin
+        anomaly = self.m0 + self.m1 * tt
+        return self.k * sin(anomaly + self.eb * sin(anomaly))
+
+    def tdb_of_tt(self, tt: Fraction) -> Fraction:
+        """Return exact seconds past J2000 TDB of exact seconds past J2000 TT."""
+        return tt + Fraction(self.tdb_minus_tt(float(tt)))
+
+    def tt_of_tdb(self, tdb: Fraction) -> Fraction:
+        """Return seconds past J2000 TT of exact seconds past J2000 TDB, by fixed-point steps: right to 1e-17 s."""
+        tt = float(tdb)
+        for _ in range(3):
+            tt = float(tdb) - self.tdb_minus_tt(tt)
+        return tdb - Fraction(self.tdb_minus_tt(tt))
+
+    def tt_parts(self, hi: Any, lo: Any) -> tuple[Any, Any]:
+        """Return seconds past J2000 TT in two parts of seconds past J2000 TDB in two parts; traceable."""
+        tdb = hi + lo
+        small = self.tdb_minus_tt(tdb)
+        # The second step of the fixed point: the first is off by 6e-13 s, this one by 2e-22 s.
+        return _sum(hi, lo, -self.tdb_minus_tt(tdb - small))
+
+    def tdb_parts(self, hi: Any, lo: Any) -> tuple[Any, Any]:
+        """Return seconds past J2000 TDB in two parts of seconds past J2000 TT in two parts; traceable."""
+        return _sum(hi, lo, self.tdb_minus_tt(hi + lo))
+
+    def tai_parts(self, hi: Any, lo: Any, sign: int) -> tuple[Any, Any]:
+        """Return TAI (sign -1) of TT, or TT (+1) of TAI, in two parts each; traceable."""
+        return _sum(hi, lo, sign * float(self.tt_minus_tai))
+
+    def tdb_of_utc(self, text: str) -> Fraction:
+        """Return the exact seconds past J2000 TDB of calendar text in UTC, leap seconds included.
+
+        Raises:
+            FrameError: The text is no UTC date, or lies before the first entry of the table.
+        """
+        parts = calendar.read(text, "UTC")
+        if parts.day < self.starts[0][0]:
+            first = calendar.date_text(self.starts[0][0])
+            raise FrameError(f"{text!r} lies before {first}, when UTC had no whole leap seconds; use Epoch.from_tdb")
+        leap_day = any(parts.day + 1 == start for start, _ in self.starts[1:])
+        if parts.second > 59 and not (leap_day and (parts.hour, parts.minute) == (23, 59)):
+            clock = f"{parts.hour:02d}:{parts.minute:02d}:{parts.second:02d}"
+            raise FrameError(f"{text!r} is no UTC date: {clock} does not exist on that day")
+        offset = next(offset for start, offset in reversed(self.starts) if parts.day >= start)
+        return self.tdb_of_tt(parts.day * DAY + parts.of_day - NOON + offset + self.tt_minus_tai)
+
+    def utc_of_tdb(self, tdb: Fraction, digits: int) -> tuple[int, int]:
+        """Return the UTC day past 2000-01-01 and the time of day in parts of 10**digits to the second, rounded.
+
+        Within a leap second the time of day is at or past 86400 s.
+
+        Raises:
+            FrameError: The instant lies before the first entry of the table.
+        """
+        ticks, unit = round((self.tt_of_tdb(tdb) - self.tt_minus_tai) * 10**digits), 10**digits
+        for i in range(len(self.starts) - 1, -1, -1):
+            start, offset = self.starts[i]
+            if ticks >= (start * DAY - NOON + offset) * unit:
+                day, rest = divmod(ticks - (offset - NOON) * unit, DAY * unit)
+                # The leap second before the next entry still belongs to the day before it.
+                return (day - 1, rest + DAY * unit) if i + 1 < len(self.starts) and day >= self.starts[i + 1][0] else (day, rest)
+        first = calendar.date_text(self.starts[0][0])
+        raise FrameError(f"an epoch before {first} has no UTC with whole leap seconds; write it in TDB, TT or TAI")
+
+
+SHIPPED_LEAP_SECONDS = LeapSeconds(
+    tuple(((datetime.date(year, month, 1) - calendar.J2000).days, 10 + i) for i, (year, month) in enumerate(_LEAP_DAYS)),
+    Fraction(32184, 1000),
+    *(1.657e-3, 1.671e-2, 6.239996, 1.99096871e-7),  # NAIF leap-seconds kernel: DELTET/K, EB, M
+    LEAP_SECONDS_AS_OF,
+)
+
+
+def utc_seconds(text: str, leap_seconds: LeapSeconds = SHIPPED_LEAP_SECONDS) -> Fraction:
+    """Return the seconds past J2000 TDB of calendar text in UTC, such as ``2026-03-01T00:00:00.5`` (FrameError)."""
+    return leap_seconds.tdb_of_utc(text)
+
+
+def _sum(hi: Any, lo: Any, small: Any) -> tuple[Any, Any]:
+    """Return hi + lo + small in two parts."""
+    total, error = two_sum(hi, jnp.broadcast_to(jnp.asarray(small, hi.dtype), jnp.shape(hi)))
+    return fast_two_sum(total, error + lo)
