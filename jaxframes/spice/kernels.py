@@ -19,8 +19,10 @@ from jaxframes.errors import (
     suggest,
 )
 from jaxframes.spice import build, extract, orient, translate
+from jaxframes.spice.files import kernel_files
 from jaxframes.spice.hashes import sha256
 from jaxframes.spice.info import Info, Source, decimal
+from jaxframes.spice.inventory import Inventory
 from jaxframes.spice.legs import to_leg
 from jaxframes.spice.process import TIMEOUT, CspiceError, KernelProcess
 from jaxframes.spice.search import Tolerance
@@ -33,7 +35,7 @@ SOLAR_SYSTEM_BARYCENTER = ("SSB", "SOLAR SYSTEM BARYCENTER", "SOLAR_SYSTEM_BARYC
 T = TypeVar("T", bound=Table)
 
 
-class Kernels:
+class Kernels(Inventory):
     """SPICE kernels, read in a private pool: the caller's own spiceypy, if any, is neither imported nor touched.
 
     A process of its own holds the pool until the ``with`` block ends. What it makes are tables, which need no kernel afterwards.
@@ -49,24 +51,20 @@ class Kernels:
         """Load kernels, in order.
 
         Args:
-            paths: Files to load: binary SPK, PCK and CK, text kernels, meta-kernels.
+            paths: Files to load: binary SPK, PCK and CK, text kernels, meta-kernels (relative paths in them count from the current directory,
+                as in SPICE); or directories, which stand for all kernels in them sorted by name, without meta-kernels.
             timeout: Longest time in seconds that one request to CSPICE may take, None for any; a damaged kernel can make it loop.
 
         Raises:
             MissingKernelError: If a file is missing, or spiceypy is.
             BadKernelError: If a file is no kernel, or is damaged.
         """
-        listed = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
-        files = [Path(p).absolute() for p in listed]
-        for file in files:
-            if not file.is_file():
-                raise MissingKernelError(
-                    f"There is no kernel file {file}. Check the path; jf.spice.find_kernels() finds those that packages ship."
-                )
+        files = kernel_files(paths)
         self._process, self._text = KernelProcess(timeout), list[Path]()
         try:
             for file in files:
                 self._load(file)
+            self._text = [Path(p).absolute() for p in self._process.call("text_files", doing="listing the text kernels")]
             described = self._process.call("segments", doing="listing the segments of the kernels")
             self._segments = [Segment(**s) for s in described]
         except CspiceError as error:
@@ -87,11 +85,10 @@ class Kernels:
                 )
                 raise BadKernelError(f"{file} is not a SPICE kernel (CSPICE says {architecture!r}). {remedy}")
             self._process.call("load", str(file), doing=doing)
-            if architecture not in ("DAF", "DAS"):
-                self._text.append(file)
         except CspiceError as error:
             missing = error.short in ("SPICE(NOSUCHFILE)", "SPICE(FILENOTFOUND)")  # one that a meta-kernel names
-            raise (MissingKernelError if missing else BadKernelError)(f"{file} cannot be loaded: {error}") from error
+            hint = f" Relative paths in a meta-kernel count from the current directory, {Path.cwd()}." if missing else ""
+            raise (MissingKernelError if missing else BadKernelError)(f"{file} cannot be loaded: {error}{hint}") from error
 
     def __enter__(self) -> Self:
         return self

@@ -47,6 +47,12 @@ class Table(Edge):
             legs=tuple(_recast_leg(old, new, dtype) for old, new in zip(self.legs, plain.legs, strict=True)),
         )
 
+    def add_to_tree(self, builder: Any, *, body: str | int, frame: str | int | None, tables: Any = None) -> str:
+        """Find or add the frame of a body in a builder, from these tables; see ``TreeBuilder.add_spice``."""
+        from jaxframes.spice.places import TableSource, place
+
+        return place(builder, TableSource(tables or [self]), body, frame)
+
     @property
     def run(self) -> Run:
         """The arrays that an evaluation reads."""

@@ -143,6 +143,24 @@ class Reader:
             "class_id": int(class_id),
         }
 
+    def all_frames(self) -> list[dict[str, Any]]:
+        """Return what ``frame`` says of all frames, built in and defined by text kernels."""
+        numbers = {int(i) for cell in (self.spice.bltfrm(-1), self.spice.kplfrm(-1)) for i in cell}
+        return [found for number in sorted(numbers) if (found := self.frame(str(number))) is not None]
+
+    def body_frame(self, body: int) -> int | None:
+        """Return the id of the frame that a body is given by SPICE or an association kernel, None if it has none."""
+        try:
+            return int(self.spice.cidfrm(body)[0])
+        except self.spice.NotFoundError:
+            return None
+
+    def text_files(self) -> list[str]:
+        """Return the paths of the text kernels loaded, those that meta-kernels name and the meta-kernels too, in order of loading."""
+        kinds = ("TEXT", "META")
+        listed = [self.spice.kdata(i, "ALL")[:2] for i in range(self.spice.ktotal("ALL"))]
+        return [path for path, kind in listed if kind in kinds]
+
     def frame_names(self) -> list[str]:
         """Return the names of all frames, built in and defined by text kernels."""
         numbers = [int(i) for cell in (self.spice.bltfrm(-1), self.spice.kplfrm(-1)) for i in cell]

@@ -1,6 +1,6 @@
 """Builder: frames are named and hung on each other here, on the host, with every mistake reported by name."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from jaxframes.errors import DuplicateNameError, EdgeError, TopologyError, UnknownFrameError, UnknownJointError, suggest
@@ -9,7 +9,7 @@ from jaxframes.tree.edges.base import Edge
 from jaxframes.tree.edges.rigid import Fixed
 from jaxframes.tree.following import sources
 from jaxframes.tree.grouping import group_edges
-from jaxframes.tree.properties import Properties, freeze
+from jaxframes.tree.properties import Properties, freeze, thaw
 from jaxframes.tree.topology import Topology
 from jaxframes.tree.tree import FrameTree
 
@@ -164,6 +164,38 @@ class TreeBuilder:
         self._parents[name], self._edges[name] = parent, edge
         if frozen:
             self._properties[name] = frozen
+
+    def add_spice(self, source: Any, *, body: str | int, frame: str | int | None = None, **options: Any) -> str:
+        """Return the name of the frame for a body and a SPICE frame; if it is not there, add it and what it hangs on.
+
+        Frames are known by the pair (body id, frame id), which their properties ``spice_body`` and ``spice_frame`` record, so asking twice
+        adds nothing. A new frame is named as SPICE names it: ``"EARTH"`` for a body with J2000 axes, ``"ITRF93"`` for a frame at its
+        own centre, ``"ITRF93 @ MOON"`` elsewhere. The root is what its properties say, what the tables below it say, or the body it is
+        named after (``"SSB"``) in J2000.
+
+        Args:
+            source: Open ``jf.spice.Kernels``, or tables: a mapping as ``jf.spice.load`` returns, or a sequence.
+            body: Body by name or NAIF id.
+            frame: Frame by name or NAIF id. None or 999999: the body-fixed frame if SPICE knows one for the body, J2000 for
+                barycentres (ids 0 to 9) and spacecraft; among tables, the one frame that is oriented at the body. The resolved ids
+                are recorded: load order never changes them silently.
+            options: For kernels: ``start`` and ``stop`` of the coverage, and further keywords of ``Kernels.orientation``.
+
+        Raises:
+            FrameError: The source knows no such body or frame, or has no data that connect it with the tree.
+        """
+        offer: Any = source
+        if isinstance(source, (Mapping, Sequence)) and not isinstance(source, str):
+            tables: list[Any] = list(source.values() if isinstance(source, Mapping) else source)
+            offer, options = (tables[0] if tables else None), {"tables": tables, **options}
+        if not hasattr(offer, "add_to_tree"):
+            raise EdgeError(f"add_spice takes jf.spice.Kernels or tables made by them, found {type(source).__name__}: {source!r}")
+        return offer.add_to_tree(self, body=body, frame=frame, **options)
+
+    def frames(self) -> Iterator[tuple[str, str | None, Edge | None, Mapping[str, Any]]]:
+        """Return (name, parent, edge, properties) of each frame in order of declaration; the root has neither parent nor edge."""
+        for name, parent in self._parents.items():
+            yield name, parent, self._edges.get(name), thaw(self._properties.get(name, ()))
 
     def set_properties(self, name: str, properties: Mapping[str, Any]) -> None:
         """Replace the properties of a frame (UnknownFrameError, EdgeError)."""

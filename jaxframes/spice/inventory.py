@@ -1,0 +1,236 @@
+"""What kernels hold, and what trees they make: the half of ``Kernels`` that lists and places."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from jaxframes.errors import CoverageError, UnknownBodyError, suggest
+from jaxframes.spatial.calendar import tdb_text
+from jaxframes.spatial.utc import LeapSeconds
+from jaxframes.spice import orient
+from jaxframes.spice.iau_read import has_text_pck
+from jaxframes.spice.leap import read_leap_seconds
+from jaxframes.spice.paths import Walk
+from jaxframes.spice.places import J2000, place
+from jaxframes.spice.segments import coverage
+from jaxframes.spice.times import Instant
+from jaxframes.tree.builder import TreeBuilder
+from jaxframes.tree.edges.base import Edge
+from jaxframes.tree.tree import FrameTree
+
+
+@dataclass(frozen=True)
+class Listing:
+    """A table of what kernels hold: ``rows`` to read, ``print`` to look at.
+
+    Attributes:
+        columns: What the entries of a row are.
+        rows: One tuple for each line; instants are exact seconds past J2000 TDB, None where there is no end.
+    """
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[tuple[Any, ...]]:
+        return iter(self.rows)
+
+    def __str__(self) -> str:
+        """Return the table as aligned text, instants as TDB calendar dates."""
+        lines = [self.columns, *(tuple(map(_entry, row)) for row in self.rows)]
+        widths = [max(len(line[i]) for line in lines) for i in range(len(self.columns))]
+        return "\n".join("  ".join(entry.ljust(width) for entry, width in zip(line, widths, strict=True)).rstrip() for line in lines)
+
+
+def _entry(value: Any) -> str:
+    if value is None:
+        return "every instant"
+    return tdb_text(value) if isinstance(value, Fraction) else str(value)
+
+
+class Inventory:
+    """What ``Kernels`` says of its content, and the trees that it makes of it."""
+
+    _process: Any
+    _segments: Any
+    _text: Any
+
+    def bodies(self: Any) -> Listing:
+        """Return the bodies that SPK files hold, with the span and the center of each of their segments: id, name, start, stop, center."""
+        found = dict.fromkeys((s.body, s.center) for s in self._segments if s.kind == "SPK")
+        rows = [
+            (body, self._name(body), *span, self._name(center))
+            for body, center in sorted(found)
+            for span in coverage(s for s in self._segments if (s.kind, s.body, s.center) == ("SPK", body, center))
+        ]
+        return Listing(("id", "body", "start", "stop", "relative to"), tuple(rows))
+
+    def frames(self: Any) -> Listing:
+        """Return the frames that the kernels loaded define or orient: id, name, class, center.
+
+        Frames that SPICE has built in are listed if there are data for them; inertial ones always work and are left out.
+        """
+        rows = []
+        for frame in self._process.call("all_frames", doing="listing frames"):
+            if frame["class"] == orient.INERTIAL or (frame["class"] == orient.PCK and not self._pck_data(frame)):
+                continue
+            rows.append((frame["id"], frame["name"], orient.CLASSES.get(frame["class"], "?"), self._name(frame["center"])))
+        return Listing(("id", "frame", "class", "center"), tuple(sorted(rows)))
+
+    def _pck_data(self: Any, frame: dict[str, Any]) -> bool:
+        binary = any(s.kind == "PCK" and s.body == frame["class_id"] for s in self._segments)
+        return binary or has_text_pck(self, frame["class_id"])
+
+    def coverage(self: Any, of: str | int) -> Listing:
+        """Return the spans that the kernels cover a body or a frame in, like NAIF's ``brief``: id, name, start, stop, file.
+
+        Args:
+            of: Body by name or id, or frame by name.
+
+        Raises:
+            UnknownBodyError: If it is neither.
+            CoverageError: If the kernels hold no data of it.
+        """
+        columns = ("id", "name", "start", "stop", "file")
+        body = self._process.call("body", str(of), doing=f"looking up {of!r}") if str(of).upper() != "SSB" else 0
+        axes = self._process.call("frame", str(of), doing=f"looking up {of!r}") if isinstance(of, str) else None
+        if body is None and axes is None:
+            names = [*self._process.call("frame_names", doing="listing frames"), *(row[1] for row in self.bodies())]
+            raise UnknownBodyError(f"{of!r} is neither a body nor a frame known to the kernels loaded.{suggest(str(of).upper(), names)}")
+        if body is not None:
+            rows = self._spans("SPK", int(body), int(body), self._name(int(body)))
+            if not rows:
+                raise CoverageError(f"No SPK segment of {self._name(int(body))} ({body}) is loaded; kernels.bodies() lists those that are.")
+            return Listing(columns, tuple(rows))
+        return Listing(columns, tuple(self._frame_spans(axes)))
+
+    def _spans(self: Any, kind: str, key: int, number: int, name: str) -> list[tuple[Any, ...]]:
+        own = [s for s in self._segments if (s.kind, s.body) == (kind, key)]
+        files = dict.fromkeys(s.path for s in own)
+        return [(number, name, *span, Path(path).name) for path in files for span in coverage(s for s in own if s.path == path)]
+
+    def _frame_spans(self: Any, axes: dict[str, Any]) -> list[tuple[Any, ...]]:
+        number, name = axes["id"], axes["name"]
+        anchor = orient.anchored(self, axes).axes
+        if anchor["class"] == orient.INERTIAL:
+            return [(number, name, None, None, "built in" if axes["class"] == orient.INERTIAL else "fixed offset")]
+        if anchor["class"] == orient.PCK:
+            rows = self._spans("PCK", anchor["class_id"], number, name)
+            if has_text_pck(self, anchor["class_id"]):
+                rows.append((number, name, None, None, "text PCK"))
+            if rows:
+                return rows
+        if anchor["class"] == orient.CK:
+            rows = []
+            for path in self._process.call("binary_files", doing="listing files"):
+                windows = self._process.call("ck_windows", path, anchor["class_id"], doing=f"reading the coverage of {path}")
+                rows += [(number, name, Fraction(a), Fraction(b), Path(path).name) for a, b in windows]
+            if rows:
+                return rows
+        if anchor["class"] in (orient.DYNAMIC, orient.SWITCH):
+            return [(number, name, None, None, f"{orient.CLASSES[anchor['class']]}: wherever what it is defined by has data")]
+        raise CoverageError(
+            f"No kernel loaded orients {name} (class {orient.CLASSES.get(axes['class'], '?')}); kernels.frames() lists those that are."
+        )
+
+    def leap_seconds(self: Any) -> LeapSeconds:
+        """Return the table of the leap-seconds kernel loaded, for ``Epoch.from_utc`` and its kin (MissingKernelError without one)."""
+        return read_leap_seconds(self)
+
+    def tree(
+        self: Any,
+        *,
+        bodies: Sequence[str | int] = (),
+        frames: Sequence[str | int] = (),
+        start: Instant | None = None,
+        stop: Instant | None = None,
+        **options: Any,
+    ) -> FrameTree:
+        """Return a tree of bodies and frames, ready to be queried: any of them relative to any other.
+
+        The root ``"SSB"`` is the Solar System barycentre with J2000 axes. Each body is a frame with J2000 axes under its SPICE name
+        (``"EARTH"``), below the body that its segments are relative to; the bodies between are there too. Each frame is below
+        the body that is its centre (or the frame that it is fixed to), under its SPICE name (``"ITRF93"``).
+        So an edge between two SPICE frames is R(o from J2000), positions in J2000, R(J2000 from p).
+
+        Args:
+            bodies: Bodies by name or id.
+            frames: SPICE frames by name or id.
+            start: Start of the coverage, as in ``translation``. Default: from where the kernels have data, whatever the size.
+            stop: End of the coverage.
+            options: Further keywords of ``orientation`` for the frames that take them.
+
+        Raises:
+            UnknownBodyError: If a body is unknown.
+            UnknownAxesError: If a frame is unknown.
+            NoPathError: If the kernels do not connect them.
+            CoverageError: If the kernels do not cover the span.
+        """
+        builder, source = TreeBuilder(root="SSB"), KernelSource(self, start, stop, options)
+        builder.set_properties("SSB", {"spice_body": 0, "spice_frame": J2000, "spice_body_name": "SSB", "spice_frame_name": "J2000"})
+        for body in bodies:
+            place(builder, source, body, J2000)
+        for frame in frames:
+            place(builder, source, self._axes(str(frame))["center"], frame)
+        return builder.build()
+
+    def add_to_tree(
+        self, builder: TreeBuilder, *, body: str | int, frame: str | int | None, start: Any = None, stop: Any = None, **options: Any
+    ) -> str:
+        """Find or add the frame of a body in a builder; see ``TreeBuilder.add_spice``."""
+        return place(builder, KernelSource(self, start, stop, options), body, frame)
+
+
+class KernelSource:
+    """Kernels as the source of edges over one span."""
+
+    def __init__(self, kernels: Any, start: Instant | None, stop: Instant | None, options: dict[str, Any]):
+        """Take open kernels and the span that edges shall cover."""
+        self._kernels, self._start, self._stop, self._options = kernels, start, stop, options
+
+    def body(self, body: str | int) -> tuple[int, str]:
+        """See ``Source``."""
+        number = self._kernels._body(body, "body")
+        return number, self._kernels._name(number)
+
+    def frame(self, body: int, frame: str | int | None) -> tuple[int, str]:
+        """See ``Source``."""
+        axes = self._kernels._axes(str(self._default(body) if frame is None else frame))
+        return axes["id"], axes["name"]
+
+    def _default(self, body: int) -> int:
+        """Return the body-fixed frame that SPICE knows for a body; J2000 for barycentres and spacecraft, which have none of their own.
+
+        SPICE's own answers for those are surprises: ECLIPB1950 for body 0, a frame without data for the barycentre of the Earth.
+        """
+        found = None if body < 10 else self._kernels._process.call("body_frame", body, doing=f"looking up the frame of body {body}")
+        return J2000 if found is None else found
+
+    def centered(self, body: int, frame: int) -> bool:
+        """See ``Source``."""
+        return self._kernels._axes(str(frame))["center"] == body
+
+    def base(self, frame: int) -> tuple[int, str]:
+        """See ``Source``."""
+        axes = self._kernels._axes(str(frame))
+        if axes["class"] != orient.TK:
+            return J2000, "J2000"
+        _, base = self._kernels._process.call("fixed_offset", frame, doing=f"looking up the offset of {axes['name']}")
+        return base, self._kernels._axes(str(base))["name"]
+
+    def chain(self, body: int) -> list[int]:
+        """See ``Source``."""
+        start, stop = self._kernels._span(self._start, self._stop, "SPK", (body,))
+        return Walk(body, self._kernels._segments, start, stop, self._kernels._name).bodies
+
+    def translation(self, target: int, center: int) -> Edge:
+        """See ``Source``."""
+        return self._kernels.translation(target=target, center=center, start=self._start, stop=self._stop)
+
+    def orientation(self, frame: tuple[int, str], base: tuple[int, str]) -> Edge:
+        """See ``Source``."""
+        return self._kernels.orientation(frame=frame[1], relative_to=base[1], start=self._start, stop=self._stop, **self._options)
