@@ -40,7 +40,7 @@ def _find(name: str) -> Path:
     spec = importlib.util.find_spec(module)  # finds, does not import
     folders = list(spec.submodule_search_locations or ()) if spec else []
     # Of several, the one with the latest date in its name.
-    found = [path for folder in folders for path in sorted(Path(folder).rglob(pattern), reverse=True) if path.is_file()]
+    found = [path for folder in folders for path in sorted(Path(folder).glob(pattern), reverse=True) if path.is_file()]
     if found:
         return found[0]
     raise MissingKernelError(f"The kernel {pattern} is not installed: pip install {package}")

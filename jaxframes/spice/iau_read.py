@@ -127,4 +127,5 @@ def _info(kernels: "Kernels", request: "Request") -> Info:
         sources=tuple(Source(Path(f).name, sha256(Path(f))) for f in kernels._text),
         segments=(),
         toolkit=kernels._process.call("version", doing="asking for the version"),
+        method="analytic model of a text PCK",
     )

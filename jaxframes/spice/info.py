@@ -38,6 +38,7 @@ class Info:
         correction: SPICE's aberration correction that is in the values; ``"NONE"`` for geometric ones.
         measured: What was measured while the table was made, by name: errors against CSPICE and the kernels' own jumps, SI units.
         notes: Lines for the report.
+        center: Id of the body that an oriented frame belongs to; None for positions, and where it is not known.
     """
 
     kind: str
@@ -56,6 +57,7 @@ class Info:
     correction: str = "NONE"
     measured: tuple[tuple[str, float], ...] = ()
     notes: tuple[str, ...] = ()
+    center: int | None = None
 
     @property
     def coverage(self) -> str:

@@ -6,7 +6,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from jaxframes.errors import CoverageError, UnknownBodyError, suggest
+from jaxframes.errors import CoverageError, NoPathError, UnknownBodyError, suggest
 from jaxframes.spatial.calendar import tdb_text
 from jaxframes.spatial.utc import LeapSeconds
 from jaxframes.spice import orient
@@ -14,6 +14,7 @@ from jaxframes.spice.iau_read import has_text_pck
 from jaxframes.spice.leap import read_leap_seconds
 from jaxframes.spice.paths import Walk
 from jaxframes.spice.places import J2000, place
+from jaxframes.spice.search import Tolerance
 from jaxframes.spice.segments import coverage
 from jaxframes.spice.times import Instant
 from jaxframes.tree.builder import TreeBuilder
@@ -76,14 +77,21 @@ class Inventory:
         """
         rows = []
         for frame in self._process.call("all_frames", doing="listing frames"):
-            if frame["class"] == orient.INERTIAL or (frame["class"] == orient.PCK and not self._pck_data(frame)):
+            if frame["class"] == orient.INERTIAL or not self._has_data(frame):
                 continue
             rows.append((frame["id"], frame["name"], orient.CLASSES.get(frame["class"], "?"), self._name(frame["center"])))
         return Listing(("id", "frame", "class", "center"), tuple(sorted(rows)))
 
-    def _pck_data(self: Any, frame: dict[str, Any]) -> bool:
-        binary = any(s.kind == "PCK" and s.body == frame["class_id"] for s in self._segments)
-        return binary or has_text_pck(self, frame["class_id"])
+    def _has_data(self: Any, frame: dict[str, Any]) -> bool:
+        """Whether data for a frame are loaded, as far as that is said without looking at instants."""
+        if frame["class"] == orient.PCK:
+            binary = any(s.kind == "PCK" and s.body == frame["class_id"] for s in self._segments)
+            return binary or has_text_pck(self, frame["class_id"])
+        try:
+            orient.anchored(self, frame)
+        except NoPathError:
+            return False
+        return True
 
     def coverage(self: Any, of: str | int) -> Listing:
         """Return the spans that the kernels cover a body or a frame in, like NAIF's ``brief``: id, name, start, stop, file.
@@ -132,7 +140,7 @@ class Inventory:
             if rows:
                 return rows
         if anchor["class"] in (orient.DYNAMIC, orient.SWITCH):
-            return [(number, name, None, None, f"{orient.CLASSES[anchor['class']]}: wherever what it is defined by has data")]
+            return [(number, name, None, None, f"{orient.CLASSES[anchor['class']]}: where what defines it has data")]
         raise CoverageError(
             f"No kernel loaded orients {name} (class {orient.CLASSES.get(axes['class'], '?')}); kernels.frames() lists those that are."
         )
@@ -148,7 +156,9 @@ class Inventory:
         frames: Sequence[str | int] = (),
         start: Instant | None = None,
         stop: Instant | None = None,
-        **options: Any,
+        ck: str = "smooth",
+        bridge: float | None = None,
+        tolerance: Tolerance | None = None,
     ) -> FrameTree:
         """Return a tree of bodies and frames, ready to be queried: any of them relative to any other.
 
@@ -162,7 +172,9 @@ class Inventory:
             frames: SPICE frames by name or id.
             start: Start of the coverage, as in ``translation``. Default: from where the kernels have data, whatever the size.
             stop: End of the coverage.
-            options: Further keywords of ``orientation`` for the frames that take them.
+            ck: How C-kernels are read between their knots, as in ``orientation``.
+            bridge: For C-kernels of type 1, as in ``orientation``.
+            tolerance: For dynamic and switch frames, which are fitted: the angle and rate to meet.
 
         Raises:
             UnknownBodyError: If a body is unknown.
@@ -170,7 +182,7 @@ class Inventory:
             NoPathError: If the kernels do not connect them.
             CoverageError: If the kernels do not cover the span.
         """
-        builder, source = TreeBuilder(root="SSB"), KernelSource(self, start, stop, options)
+        builder, source = TreeBuilder(root="SSB"), KernelSource(self, start, stop, ck, bridge, tolerance)
         builder.set_properties("SSB", {"spice_body": 0, "spice_frame": J2000, "spice_body_name": "SSB", "spice_frame_name": "J2000"})
         for body in bodies:
             place(builder, source, body, J2000)
@@ -179,18 +191,31 @@ class Inventory:
         return builder.build()
 
     def add_to_tree(
-        self, builder: TreeBuilder, *, body: str | int, frame: str | int | None, start: Any = None, stop: Any = None, **options: Any
+        self,
+        builder: TreeBuilder,
+        *,
+        body: str | int,
+        frame: str | int | None,
+        start: Instant | None = None,
+        stop: Instant | None = None,
+        ck: str = "smooth",
+        bridge: float | None = None,
+        tolerance: Tolerance | None = None,
     ) -> str:
         """Find or add the frame of a body in a builder; see ``TreeBuilder.add_spice``."""
-        return place(builder, KernelSource(self, start, stop, options), body, frame)
+        return place(builder, KernelSource(self, start, stop, ck, bridge, tolerance), body, frame)
 
 
 class KernelSource:
     """Kernels as the source of edges over one span."""
 
-    def __init__(self, kernels: Any, start: Instant | None, stop: Instant | None, options: dict[str, Any]):
-        """Take open kernels and the span that edges shall cover."""
-        self._kernels, self._start, self._stop, self._options = kernels, start, stop, options
+    def __init__(
+        self, kernels: Any, start: Instant | None, stop: Instant | None, ck: str, bridge: float | None, tolerance: Tolerance | None
+    ):
+        """Take open kernels, the span that edges shall cover, and what the classes of frames ask for."""
+        self._kernels, self._start, self._stop = kernels, start, stop
+        knots, fit = {"ck": ck, "bridge": bridge}, {"tolerance": tolerance}
+        self._options = {orient.CK: knots, orient.DYNAMIC: fit, orient.SWITCH: fit}
 
     def body(self, body: str | int) -> tuple[int, str]:
         """See ``Source``."""
@@ -233,4 +258,5 @@ class KernelSource:
 
     def orientation(self, frame: tuple[int, str], base: tuple[int, str]) -> Edge:
         """See ``Source``."""
-        return self._kernels.orientation(frame=frame[1], relative_to=base[1], start=self._start, stop=self._stop, **self._options)
+        options = self._options.get(self._kernels._axes(frame[1])["class"], {})
+        return self._kernels.orientation(frame=frame[1], relative_to=base[1], start=self._start, stop=self._stop, **options)

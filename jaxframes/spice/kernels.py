@@ -51,8 +51,8 @@ class Kernels(Inventory):
         """Load kernels, in order.
 
         Args:
-            paths: Files to load: binary SPK, PCK and CK, text kernels, meta-kernels (relative paths in them count from the current directory,
-                as in SPICE); or directories, which stand for all kernels in them sorted by name, without meta-kernels.
+            paths: Files to load: binary SPK, PCK and CK, text kernels, meta-kernels (relative paths in them count from the current
+                directory, as in SPICE); or directories, which stand for all kernels in them sorted by name, without meta-kernels.
             timeout: Longest time in seconds that one request to CSPICE may take, None for any; a damaged kernel can make it loop.
 
         Raises:

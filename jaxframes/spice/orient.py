@@ -1,7 +1,7 @@
 """Orientation edges by the class of a SPICE frame: which of the ways of making one serves, and the way for binary PCK files."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import jax.numpy as jnp
@@ -56,6 +56,12 @@ Maker = Callable[["Kernels", Request], Edge]
 
 
 def orientation(kernels: "Kernels", request: Request) -> Any:
+    """Return the edge that orients a frame, which knows the body that the frame belongs to; errors as those of its maker."""
+    edge = _made(kernels, request)
+    return edge if isinstance(edge, Fixed) else edge.replace(info=replace(edge.info, center=request.of["center"]))
+
+
+def _made(kernels: "Kernels", request: Request) -> Any:
     """Return the edge that orients a frame: a fixed one where nothing turns, else made in the way that the frame's class asks for.
 
     Raises:

@@ -155,7 +155,7 @@ class TableSource:
     def body(self, body: str | int) -> tuple[int, str]:
         """See ``Source``."""
         known = {0: "SSB"} | {i: n for t in self._moves for i, n in ((t.info.relative_id, t.info.relative_to), (t.info.of_id, t.info.of))}
-        known |= {t.info.center: str(t.info.center) for t in self._turns if getattr(t.info, "center", None) not in (None, *known)}
+        known |= {t.info.center: str(t.info.center) for t in self._turns if t.info.center not in (None, *known)}
         for number, name in known.items():
             if body == number or (isinstance(body, str) and body.strip().upper() in (name, str(number))):
                 return number, name
@@ -165,7 +165,7 @@ class TableSource:
         """See ``Source``."""
         known = dict(enumerate(INERTIAL, 1)) | {t.info.of_id: t.info.of for t in self._turns}
         if frame is None:
-            own = [t.info for t in self._turns if getattr(t.info, "center", None) == body]
+            own = [t.info for t in self._turns if t.info.center == body]
             if body < 10 or not own:
                 return J2000, "J2000"
             if len(own) > 1:
@@ -179,7 +179,7 @@ class TableSource:
 
     def centered(self, body: int, frame: int) -> bool:
         """See ``Source``."""
-        return any(t.info.of_id == frame and getattr(t.info, "center", None) in (None, body) for t in self._turns)
+        return any(t.info.of_id == frame and t.info.center in (None, body) for t in self._turns)
 
     def base(self, frame: int) -> tuple[int, str]:
         """See ``Source``."""

