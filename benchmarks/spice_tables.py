@@ -1,7 +1,8 @@
-"""Tables against CSPICE: the Moon from the Earth and ITRF93 over one year of epochs, in one process.
+"""Tables against their peers: the Moon from the Earth and ITRF93 over one year of epochs, in one process.
 
-``python benchmarks/spice_tables.py [epochs]`` prints the rate of both, their ratio and the largest differences. CSPICE is called through
-spiceypy in a Python loop, on a part of the same epochs; it gives no accelerations, the tables do.
+``python benchmarks/spice_tables.py [epochs]`` prints nanoseconds a state, the ratios to CSPICE through spiceypy (a Python loop, and
+``cyice``, its compiled interface) and to ANISE where it is installed, and the largest differences from CSPICE. None of the peers gives
+accelerations; the tables do. ANISE uses all cores, the others one.
 """
 
 import platform
@@ -12,14 +13,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import spiceypy
-from _timing import compiled, interleaved, nanoseconds
+from _peers import Peer, anise, cyice, loop, table
 
 import jaxframes as jf
 
-START, STOP = "2026-01-01", "2027-01-01"
+START, STOP = 820497600.0, 852033600.0
 ROUNDS = 9
 LOOP = 20_000
-TARGET = 60
+MANY = 200_000
 
 
 def main(epochs: int) -> None:
@@ -32,40 +33,34 @@ def main(epochs: int) -> None:
         spiceypy.furnsh(str(path))
     rng = np.random.default_rng(1)
     # Whole seconds: CSPICE and the table are then asked for exactly the same instant.
-    times = rng.integers(820497600, 852033600, epochs).astype(float)
-    some = times[:LOOP].tolist()
+    times = rng.integers(START, STOP, epochs).astype(float)
     print(f"jax {jax.__version__}, {spiceypy.tkvrsn('TOOLKIT')}, {platform.machine()}, float64, {epochs} epochs in 2026, {ROUNDS} rounds")
-    position = [spiceypy.spkezr("MOON", t, "J2000", "NONE", "EARTH")[0] * 1e3 for t in some[:5000]]
-    compare("Moon from the Earth", moon, times, lambda: [spiceypy.spkezr("MOON", t, "J2000", "NONE", "EARTH") for t in some], "spkezr")
+    names = ("value", "value + rate", "value + rate + acceleration")
+    some, many, fast = times[:LOOP], times[:MANY], cyice()
+
+    peers = {"spkezr": Peer(loop(lambda t: spiceypy.spkezr("MOON", t, "J2000", "NONE", "EARTH"), some), LOOP, 80)}
+    if fast:
+        peers["cyice"] = Peer(lambda: fast.spkezr_v("MOON", many, "J2000", "NONE", "EARTH"), len(many), 15)
+    if (run := anise(paths[0], START, STOP, MANY, "MOON_J2000", "EARTH_J2000")) is not None:
+        peers["ANISE"] = Peer(run, MANY, 8)
+    ours: dict[str, Any] = {name: lambda t, k=k: moon.evaluate(t, k) for k, name in enumerate(names)}
+    ours["gradient of the distance"] = jax.grad(lambda t: jnp.sum(jnp.linalg.norm(moon.evaluate(t, 0)[0], axis=-1)))
+    table("Moon from the Earth", ours, times, peers, names[2], ROUNDS)
     p, v = (np.asarray(x) for x in moon.evaluate(times[:5000], order=1))
-    reference = np.array(position)
+    reference = np.array([spiceypy.spkezr("MOON", t, "J2000", "NONE", "EARTH")[0] for t in times[:5000]]) * 1e3
     print(f"  largest difference: {np.abs(p - reference[:, :3]).max():.2g} m, {np.abs(v - reference[:, 3:]).max():.2g} m/s\n")
-    compare("ITRF93 from J2000", itrf93, times, lambda: [spiceypy.sxform("J2000", "ITRF93", t) for t in some], "sxform")
+
+    peers = {"sxform": Peer(loop(lambda t: spiceypy.sxform("J2000", "ITRF93", t), some), LOOP, 10)}
+    if fast:
+        peers["cyice"] = Peer(lambda: fast.sxform_v("J2000", "ITRF93", many), len(many))
+    ours = {name: lambda t, k=k: itrf93.evaluate(t, k) for k, name in enumerate(names)}
+    table("ITRF93 from J2000", ours, times, peers, names[2], ROUNDS)
     print("  largest difference: {:.2g} rad, {:.2g} rad/s".format(*orientation_differences(itrf93, times[:2000])))
 
 
-def compare(title: str, table: Any, times: np.ndarray, loop: Any, peer: str) -> None:
-    """Time a table to each order, and the peer's loop, and print rates and ratios."""
-    epochs = jnp.asarray(times)
-    print(title)
-    contenders, names = {peer: loop}, ("value", "value + rate", "value + rate + acceleration")
-    for order, name in enumerate(names):
-        run, seconds = compiled(lambda table, t, order=order: table.evaluate(t, order), table, epochs)
-        contenders[name] = lambda run=run: run(table, epochs)
-        print(f"  compile {name}: {seconds:.2f} s")
-    taken = interleaved(contenders, ROUNDS)
-    base = nanoseconds(taken[peer], LOOP)
-    print(f"  {peer + ' in a loop':32s} {base[0]:9.1f} ns minimum {base[1]:9.1f} median")
-    for name in names:
-        least, median = nanoseconds(taken[name], len(times))
-        print(f"  {name:32s} {least:9.1f} ns minimum {median:9.1f} median   ratio {base[0] / least:6.1f} and {base[1] / median:6.1f}")
-        if peer == "spkezr" and name == names[-1] and base[1] / median < TARGET:
-            print(f"  below the target of {TARGET}")
-
-
-def orientation_differences(table: Any, times: np.ndarray) -> tuple[float, float]:
+def orientation_differences(edge: Any, times: np.ndarray) -> tuple[float, float]:
     """Return the largest angle and the largest difference of angular velocity from ``sxform``."""
-    q, w = (np.asarray(x) for x in table.evaluate(times, order=1))
+    q, w = (np.asarray(x) for x in edge.evaluate(times, order=1))
     angle = rate = 0.0
     for (w0, x, y, z), mine, t in zip(q, w, times, strict=True):
         matrix, spin = spiceypy.xf2rav(spiceypy.sxform("J2000", "ITRF93", t))
