@@ -36,9 +36,15 @@ class Attitude(Table):
         """Size of the arrays beside the legs."""
         return 0
 
-    def motion(self, hi: Any, lo: Any, order: int) -> tuple[Component, ...]:
-        """Return the components of quaternion, angular velocity and angular acceleration, behind a fence."""
+    @property
+    def way(self) -> tuple[Any, str, tuple[jax.Array, ...]]:
+        """The function that evaluates the table, the mode, and the arrays beside the legs."""
         raise NotImplementedError
+
+    def motion(self, hi: Any, lo: Any, order: int) -> "Motion":
+        """Return the components of quaternion, angular velocity and angular acceleration, behind a fence."""
+        way, mode, rest = self.way
+        return way(mode, self.run, rest, hi, lo, order)
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         """Return one motion: the rotation, without translation."""
@@ -72,12 +78,52 @@ class Attitude(Table):
             time: An ``Epoch`` [...], or seconds past J2000 TDB [...].
             order: 0, 1 or 2; the first ``order + 1`` of the three are returned.
         """
-        return _arrays(checked_order(order), self, *two_parts(time))
+        way, mode, rest = self.way
+        return _arrays(checked_order(order), way, mode, self.run, rest, *two_parts(time))
 
 
-@functools.partial(jax.jit, static_argnums=0)
-def _arrays(order: int, table: Attitude, hi: Any, lo: Any) -> tuple[jax.Array, ...]:
-    parts = table.motion(hi, lo, order)
+Motion = tuple[Component, ...]
+
+
+def _knots(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, order: int) -> Motion:
+    """Return the motion between knots; ``AttitudeTable`` says how."""
+    (leg,) = run.legs
+    hi, lo = jnp.broadcast_arrays(jnp.asarray(hi, leg.rows.dtype), jnp.asarray(lo, leg.rows.dtype))
+    dt_hi, dt_lo = evaluate._local(run, hi, lo)
+    row = jnp.moveaxis(leg.rows.at[leg.record(dt_hi, dt_lo)].get(mode="promise_in_bounds"), -1, 0)
+    length = row[-1]
+    u = (((dt_hi - row[-3]) + (dt_lo - row[-2])) + _outside(run, dt_hi, dt_lo)) / length
+    start, axis, half = Quat(*row[:4]), V3(*row[4:7]), row[7]
+    first, second = V3(*row[8:11]), V3(*row[11:14])
+    slerp = quat_mul(_turned(axis, half * u), start)
+    if mode == "spice":
+        out = [slerp, first + (second - first) * u, (second - first) * (1 / length)]
+    else:
+        g, g1, g2 = _bubble(first, second, u, length)
+        out = _cayley(g, g1, g2, slerp, axis * (half * 2 / length))
+    return take_apart(assemble(tuple(c for group in out[: order + 1] for c in group)))
+
+
+def _series(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, order: int) -> Motion:
+    """Return the motion by Cayley series; ``CayleyTable`` says how."""
+    (leg,), (spins,) = run.legs, rest
+    hi, lo = jnp.broadcast_arrays(jnp.asarray(hi, leg.rows.dtype), jnp.asarray(lo, leg.rows.dtype))
+    dt_hi, dt_lo = evaluate._local(run, hi, lo)
+    index = leg.record(dt_hi, dt_lo)
+    spin = jnp.moveaxis(spins.at[index].get(mode="promise_in_bounds"), -1, 0)
+    times = jnp.moveaxis(leg.rows[..., -3:].at[index].get(mode="promise_in_bounds"), -1, 0)
+    tau = (dt_hi - times[0]) + (dt_lo - times[1])
+    reference = quat_mul(_turned(V3(*spin[4:7]), spin[7] * tau), Quat(*spin[:4]))
+    values = evaluate.evaluate(run, hi, lo, order)
+    zero = V3(0.0, 0.0, 0.0)
+    g, g1, g2 = (*(V3(*values[i : i + 3]) for i in range(0, len(values), 3)), zero, zero)[:3]
+    out = _cayley(g, g1, g2, reference, V3(*spin[4:7]) * (spin[7] * 2))
+    return take_apart(assemble(tuple(c for group in out[: order + 1] for c in group)))
+
+
+@functools.partial(jax.jit, static_argnums=(0, 1, 2))
+def _arrays(order: int, way: Any, mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any) -> tuple[jax.Array, ...]:
+    parts = way(mode, run, rest, hi, lo, order)
     groups = [parts[:4], *(parts[i : i + 3] for i in range(4, len(parts), 3))]
     return tuple(assemble(group) for group in groups)
 
@@ -103,24 +149,10 @@ class AttitudeTable(Attitude):
     mode: str
     info: Info
 
-    def motion(self, hi: Any, lo: Any, order: int) -> tuple[Component, ...]:
-        """Return the components of quaternion, angular velocity and angular acceleration, behind a fence."""
-        (leg,) = self.legs
-        hi, lo = jnp.broadcast_arrays(jnp.asarray(hi, leg.rows.dtype), jnp.asarray(lo, leg.rows.dtype))
-        dt_hi, dt_lo = evaluate._local(self.run, hi, lo)
-        row = _row(leg, leg.rows, dt_hi, dt_lo)
-        length = row[-1]
-        u = (((dt_hi - row[-3]) + (dt_lo - row[-2])) + _outside(self.run, dt_hi, dt_lo)) / length
-        start, axis, half = Quat(*row[:4]), V3(*row[4:7]), row[7]
-        first, second = V3(*row[8:11]), V3(*row[11:14])
-        slerp = quat_mul(_turned(axis, half * u), start)
-        spin = axis * (half * 2 / length)
-        if self.mode == "spice":
-            out = [slerp, first + (second - first) * u, (second - first) * (1 / length)]
-        else:
-            g, g1, g2 = _bubble(first, second, u, length)
-            out = _cayley(g, g1, g2, slerp, spin)
-        return take_apart(assemble(tuple(c for group in out[: order + 1] for c in group)))
+    @property
+    def way(self) -> tuple[Any, str, tuple[jax.Array, ...]]:
+        """The function that evaluates the table, the mode, and the arrays beside the legs."""
+        return _knots, self.mode, ()
 
 
 @family(static=("info",))
@@ -145,27 +177,10 @@ class CayleyTable(Attitude):
         """Size of the arrays beside the legs."""
         return self.spins.nbytes
 
-    def motion(self, hi: Any, lo: Any, order: int) -> tuple[Component, ...]:
-        """Return the components of quaternion, angular velocity and angular acceleration, behind a fence."""
-        (leg,) = self.legs
-        hi, lo = jnp.broadcast_arrays(jnp.asarray(hi, leg.rows.dtype), jnp.asarray(lo, leg.rows.dtype))
-        dt_hi, dt_lo = evaluate._local(self.run, hi, lo)
-        index = leg.record(dt_hi, dt_lo)
-        spin_row = jnp.moveaxis(self.spins.at[index].get(mode="promise_in_bounds"), -1, 0)
-        times = jnp.moveaxis(leg.rows[..., -3:].at[index].get(mode="promise_in_bounds"), -1, 0)
-        tau = (dt_hi - times[0]) + (dt_lo - times[1])
-        reference = quat_mul(_turned(V3(*spin_row[4:7]), spin_row[7] * tau), Quat(*spin_row[:4]))
-        values = evaluate.evaluate(self.run, hi, lo, order)
-        offsets = [V3(*values[i : i + 3]) for i in range(0, len(values), 3)]
-        zero = V3(0.0, 0.0, 0.0)
-        g, g1, g2 = (*offsets, zero, zero)[:3]
-        out = _cayley(g, g1, g2, reference, V3(*spin_row[4:7]) * (spin_row[7] * 2))
-        return take_apart(assemble(tuple(c for group in out[: order + 1] for c in group)))
-
-
-def _row(leg: Leg, rows: jax.Array, dt_hi: jax.Array, dt_lo: jax.Array) -> jax.Array:
-    """Return the numbers of the rows that serve a batch of instants, [numbers, ...]."""
-    return jnp.moveaxis(rows.at[leg.record(dt_hi, dt_lo)].get(mode="promise_in_bounds"), -1, 0)
+    @property
+    def way(self) -> tuple[Any, str, tuple[jax.Array, ...]]:
+        """The function that evaluates the table, the mode, and the arrays beside the legs."""
+        return _series, "", (self.spins,)
 
 
 def _outside(run: Run, dt_hi: jax.Array, dt_lo: jax.Array) -> jax.Array:

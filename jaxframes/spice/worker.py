@@ -9,6 +9,7 @@ import os
 import pickle
 import struct
 import sys
+import time
 from typing import Any, BinaryIO
 
 SLICE = 1 << 20  # words read at a time
@@ -50,6 +51,10 @@ class Reader:
     def version(self) -> str:
         """Return the version of CSPICE."""
         return self.spice.tkvrsn("TOOLKIT")
+
+    def wait(self, seconds: float) -> None:
+        """Answer later: what a call of CSPICE that hangs looks like from outside."""
+        time.sleep(seconds)
 
     def kind(self, path: str) -> tuple[str, str]:
         """Return the architecture and type of a file, ("?", "?") if it is no kernel."""
