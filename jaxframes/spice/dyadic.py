@@ -40,7 +40,7 @@ def _leaves(
         nodes += [part.span(first, last, cell, length) for cell in range(first, last)]
     rng = np.random.default_rng(0)
     alive = np.ones(len(DEGREES), bool)
-    open_: np.ndarray = np.ones((len(DEGREES), len(nodes)), bool)
+    open_ = np.ones((len(DEGREES), len(nodes)), bool)
     leaves: list[list[tuple[Fraction, Fraction]]] = [[] for _ in DEGREES]
     floor = np.full(2, np.inf)
     history: list[np.ndarray] = []
@@ -50,8 +50,8 @@ def _leaves(
         good = (errors <= goal[:, None, None]).all(0)
         for d in range(len(DEGREES)):
             leaves[d] += [nodes[i] for i in np.flatnonzero(open_[d] & good[d])]
-        open_ &= ~good
-        worst = np.array([[errors[k, d, open_[d]].max(initial=0.0) for d in range(len(DEGREES))] for k in (0, 1)])
+        open_ = np.logical_and(open_, ~good)
+        worst = np.array([[errors[k, d, np.flatnonzero(open_[d, :])].max(initial=0.0) for d in range(len(DEGREES))] for k in (0, 1)])
         done = [len(leaves[d]) * record_bytes(DEGREES[d], model.extras) for d in range(len(DEGREES)) if alive[d] and not open_[d].any()]
         best = min(done, default=np.inf)
         for d in range(len(DEGREES)):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from jaxframes.spice.process import KernelProcess
-from jaxframes.spice.segments import Piece, Records, Segment, damaged
+from jaxframes.spice.segments import MOST, Piece, Records, Segment, damaged
 
 HERMITE, EQUAL_STEPS = (12, 13), (8, 12)
 DIRECTORY = 100  # epochs that one word of a segment's directory stands for
@@ -38,8 +38,8 @@ def read_nodes(process: KernelProcess, piece: Piece) -> Records:
         "words", segment.handle, segment.first + 6 * low, segment.first + 6 * high - 1, doing=f"reading {segment.describe()}"
     )
     states = np.asarray(words, np.float64).reshape(-1, 6)
-    if not np.isfinite(states).all():
-        raise damaged(segment, "its states are not all finite")
+    if not (np.abs(states) < MOST).all():
+        raise damaged(segment, "its states are not all numbers of a plausible size")
     middle = edges[:-1] + (edges[1:] - edges[:-1]) / 2
     radius = np.maximum(edges[1:] - middle, middle - edges[:-1])
     parts, worst = [], 0.0
@@ -189,8 +189,8 @@ def read_velocities(process: KernelProcess, piece: Piece) -> Records:
     address = segment.first + first * int(size)
     words: Any = process.call("words", segment.handle, address, segment.first + (last + 1) * int(size) - 1, doing=doing)
     rows = np.asarray(words, np.float64).reshape(last - first + 1, 3, int(size) // 3)
-    if not np.isfinite(rows).all():
-        raise damaged(segment, "its records are not finite")
+    if not (np.abs(rows) < MOST).all():
+        raise damaged(segment, "its records are not all numbers of a plausible size")
     radius = float(step) / 2
     rates = rows[:, :, :-1] * (scale / second) * radius
     integral = np.polynomial.chebyshev.chebint(rates, axis=2)  # zero at the middle, which chebint takes by default

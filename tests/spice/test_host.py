@@ -9,7 +9,7 @@ import pytest
 import jaxframes as jf
 from jaxframes.spice import build
 from jaxframes.spice.info import decimal
-from jaxframes.spice.kernels import _quaternion
+from jaxframes.spice.orient import quaternion
 from jaxframes.spice.times import exact_seconds, reference_day, split
 
 
@@ -63,7 +63,7 @@ def test_quaternion_of_a_matrix(rng):
                 [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
             ]
         )
-        assert np.abs(_quaternion(matrix) - q).max() < 1e-15
+        assert np.abs(quaternion(matrix) - q).max() < 1e-15
 
 
 def test_shipped_tables_agree_with_the_kernels(kernels, rng, dtype):
