@@ -47,11 +47,11 @@ def _leaves(
     while open_.any():
         a, b = np.array([[float(x) for x in node] for node in nodes]).T
         errors = _errors(model, a, b, CHECKS, rng)
-        good = (errors <= goal[:, None, None]).all(0)
+        good = np.logical_and(*(errors <= goal[:, None, None]))
         for d in range(len(DEGREES)):
             leaves[d] += [nodes[i] for i in np.flatnonzero(open_[d] & good[d])]
         open_ = np.logical_and(open_, ~good)
-        worst = np.array([[errors[k, d, np.flatnonzero(open_[d, :])].max(initial=0.0) for d in range(len(DEGREES))] for k in (0, 1)])
+        worst = np.array([[errors[k, d, np.flatnonzero(open_[d])].max(initial=0.0) for d in range(len(DEGREES))] for k in (0, 1)])
         done = [len(leaves[d]) * record_bytes(DEGREES[d], model.extras) for d in range(len(DEGREES)) if alive[d] and not open_[d].any()]
         best = min(done, default=np.inf)
         for d in range(len(DEGREES)):
