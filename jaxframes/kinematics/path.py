@@ -2,17 +2,13 @@
 
 from jaxframes.kinematics import attached
 from jaxframes.kinematics.context import Context
+from jaxframes.numerics.extension import extend
 from jaxframes.numerics.rigid import AT_REST, Rigid, relative
-from jaxframes.numerics.steps import append
 
 
 def down(context: Context, frames: tuple[int, ...]) -> Rigid:
     """Return the motion of the last frame of a downward path relative to the frame above its first edge."""
-    motion = AT_REST
-    for frame in frames:
-        for step in context.steps(frame):
-            motion = append(motion, step, context.order)
-    return motion
+    return extend(AT_REST, (step for frame in frames for step in context.steps(frame)), context.order)
 
 
 def between(context: Context, of: int, relative_to: int) -> Rigid:

@@ -7,23 +7,13 @@ import jax
 from jaxframes.kinematics.context import Context
 from jaxframes.numerics.boundary import assemble, take_apart
 from jaxframes.numerics.components import V3, Quat
+from jaxframes.numerics.extension import extend, parts_of
 from jaxframes.numerics.rigid import AT_REST, Rigid, compose, inverse
-from jaxframes.numerics.steps import append
 
 
 def edge_motion(context: Context, frame: int) -> Rigid:
     """Return the motion of a frame relative to its parent."""
-    motion = AT_REST
-    for step in context.steps(frame):
-        motion = append(motion, step, context.order)
-    return motion
-
-
-def extend(context: Context, motion: Rigid, frame: int) -> Rigid:
-    """Return the motion of a frame from that of its parent."""
-    for step in context.steps(frame):
-        motion = append(motion, step, context.order)
-    return motion
+    return extend(AT_REST, context.steps(frame), context.order)
 
 
 Arrays = tuple[jax.Array, ...]
@@ -32,8 +22,7 @@ Arrays = tuple[jax.Array, ...]
 
 def arrays_of(motion: Rigid, context: Context) -> Arrays:
     """Return the parts of a motion that the order asks for as fenced arrays of the whole batch."""
-    parts = (motion.rotation, motion.translation, motion.angular, motion.linear, motion.angular2, motion.linear2)
-    return tuple(assemble(tuple(part), context.shape, context.dtype) for part in parts[: 2 + 2 * context.order])
+    return tuple(assemble(tuple(part), context.shape, context.dtype) for part in parts_of(motion, context.order))
 
 
 def motion_of(arrays: Arrays) -> Rigid:
@@ -92,7 +81,7 @@ def outward(
         frame = ahead.pop()
         for child in topology.children[frame]:
             if child not in found and topology.islands[child] == island and (needed is None or child in needed):
-                found[child] = stage(child, extend(context, found[frame], child))
+                found[child] = stage(child, extend(found[frame], context.steps(child), context.order))
                 ahead.append(child)
     return found
 

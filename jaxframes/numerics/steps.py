@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import jax
 
-from jaxframes.numerics.components import IDENTITY, V3, ZERO, Component, Quat, cross, quat_from, quat_linear, quat_mul, rotate
+from jaxframes.numerics.components import IDENTITY, V3, ZERO, Component, Quat, cross, mul, quat_from, quat_linear, quat_mul, rotate
 from jaxframes.numerics.rigid import Rigid, compose
 from jaxframes.numerics.trig import sin_cos
 
@@ -27,12 +27,16 @@ class Coordinate:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """A fixed placement, then a rotation about a unit axis (axes of the placement) by an angle in radians."""
+    """A fixed placement, then a rotation about a unit axis (axes of the placement) by an angle in radians.
+
+    ``half`` holds sine and cosine of half the angle where these are worked out already.
+    """
 
     axis: V3
     angle: Coordinate
     rotation: Quat = IDENTITY
     translation: V3 = ZERO
+    half: tuple[Component, Component] | None = None
 
 
 @jax.tree_util.register_dataclass
@@ -54,8 +58,7 @@ Step: TypeAlias = Turn | Slide | Rigid
 
 def turn_rotation(step: Turn) -> Quat:
     """Return the rotation of a turn with the placement folded in: c q0 + s (q0 * axis), c and s of half the angle."""
-    half = step.angle.value * 0.5
-    s, c = sin_cos(half)
+    s, c = sin_cos(mul(step.angle.value, 0.5)) if step.half is None else step.half
     return quat_linear(c, step.rotation, s, quat_mul(step.rotation, quat_from(0.0, step.axis)))
 
 

@@ -3,9 +3,11 @@
 XLA:CPU calls the scalar library functions for sin and cos, which cost more than all the rest of a joint. The pair here
 reduces the angle by multiples of pi/2 in three or four parts (Cody and Waite 1980) and evaluates the minimax polynomials of fdlibm
 (Sun Microsystems 1993, ``k_sin.c`` and ``k_cos.c``) or Cephes (Moshier 1992, ``sinf.c``). Errors are below 2 ulp for angles up to
-``REACH``; a batch that holds a larger one is worked by the library functions as a whole.
+``REACH``; larger ones get the library's functions, in a branch that runs only where a batch holds one.
 """
 
+import functools
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -48,39 +50,57 @@ _COS = {
 
 def sin_cos(x: Component) -> tuple[Component, Component]:
     """Return (sin x, cos x) of a component; each is the other's derivative, so gradients cost nothing more."""
-    if isinstance(x, float):
-        return float(np.sin(x)), float(np.cos(x))
-    return _sin_cos(x)
+    return sin_cos_all((x,))[0]
+
+
+def sin_cos_all(angles: Sequence[Component]) -> list[tuple[Component, Component]]:
+    """Return (sin x, cos x) of several components, worked out together: one branch of the program serves all of them."""
+    found = iter(_pairs(tuple(x for x in angles if not isinstance(x, float))))
+    return [(float(np.sin(x)), float(np.cos(x))) if isinstance(x, float) else next(found) for x in angles]
+
+
+Pairs = tuple[tuple[jax.Array, jax.Array], ...]
 
 
 @jax.custom_jvp
-def _sin_cos(x: jax.Array) -> tuple[jax.Array, jax.Array]:
-    if x.dtype.name not in REACH:
-        return _library(x)
-    return lax.platform_dependent(x, cpu=_guarded, default=_library)
+def _pairs(angles: tuple[jax.Array, ...]) -> Pairs:
+    if not angles or any(x.dtype.name not in REACH for x in angles):
+        return _library(*angles)
+    return lax.platform_dependent(*angles, cpu=_guarded, default=_library)
 
 
-@_sin_cos.defjvp
-def _sin_cos_jvp(primals: tuple[jax.Array], tangents: tuple[jax.Array]) -> Any:
-    (x,), (dx,) = primals, tangents
-    s, c = _sin_cos(x)
-    return (s, c), (c * dx, -s * dx)
-
-
-def _library(x: jax.Array) -> tuple[jax.Array, jax.Array]:
-    return jnp.sin(x), jnp.cos(x)
+@_pairs.defjvp
+def _pairs_jvp(primals: Any, tangents: Any) -> tuple[Pairs, Pairs]:
+    found = _pairs(*primals)
+    return found, tuple((c * dx, -s * dx) for (s, c), dx in zip(found, tangents[0], strict=True))
 
 
 @jax.custom_batching.custom_vmap
-def _guarded(x: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Return the pair of a whole batch; one branch for all, because a branch for each element would compute both."""
-    # A NaN, as an epoch outside a table gives, goes through the polynomials: it must not slow the rest of its batch down.
-    return lax.cond(jnp.any(jnp.abs(x) > REACH[x.dtype.name]), _library, _polynomials, x)
+def _guarded(*angles: jax.Array) -> Pairs:
+    """Return the pairs of a whole batch. The rare case is one branch for all: told apart for each element, both would run.
+
+    The branch also keeps sines and cosines in memory of their own, computed once; fused into the frames of a path and their
+    derivatives they would be computed anew for each (measured: gradients take one and a half times as long).
+    """
+    # A NaN, as an epoch outside a table gives, is not beyond reach: it must not slow the rest of its batch down.
+    far = functools.reduce(jnp.logical_or, (jnp.any(jnp.abs(x) > REACH[x.dtype.name]) for x in angles))
+    return lax.cond(far, lambda *xs: tuple(map(_either, xs)), lambda *xs: tuple(map(_polynomials, xs)), *angles)
 
 
 @_guarded.def_vmap
-def _guarded_vmap(axis_size: int, in_batched: Any, x: jax.Array) -> Any:
-    return _guarded(x), (True, True)
+def _guarded_vmap(axis_size: int, in_batched: Any, *angles: jax.Array) -> Any:
+    return _guarded(*angles), tuple((one, one) for one in in_batched)
+
+
+def _either(x: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Return the library's pair beyond reach and the polynomials' within: no sample depends on its neighbours."""
+    far = jnp.abs(x) > REACH[x.dtype.name]
+    (s, c), (near_s, near_c) = _library(x)[0], _polynomials(x)
+    return jnp.where(far, s, near_s), jnp.where(far, c, near_c)
+
+
+def _library(*angles: jax.Array) -> Pairs:
+    return tuple((jnp.sin(x), jnp.cos(x)) for x in angles)
 
 
 def _polynomials(x: jax.Array) -> tuple[jax.Array, jax.Array]:

@@ -40,8 +40,9 @@ def test_within_two_ulp_in_reach(dtype):
 def test_the_library_beyond(dtype):
     x = np.array([0.5, 10 * REACH[dtype.name], -1e3 * REACH[dtype.name], 1e20], dtype)
     s, c = jax.jit(sin_cos)(x)
-    assert np.array_equal(s, jax.jit(jnp.sin)(x))
-    assert np.array_equal(c, jax.jit(jnp.cos)(x))
+    assert np.array_equal(s[1:], jax.jit(jnp.sin)(x)[1:])
+    assert np.array_equal(c[1:], jax.jit(jnp.cos)(x)[1:])
+    assert np.array_equal([s[0], c[0]], jax.jit(sin_cos)(x[0])), "no sample depends on its neighbours"
     for error in errors(x):
         assert error.max() <= 2.0
     assert np.isnan(sin_cos(jnp.asarray([jnp.inf, 1.0]))[0][0])
