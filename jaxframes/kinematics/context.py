@@ -4,10 +4,11 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from jaxframes.errors import MissingInputError, NoAccelerationError, ShapeError
-from jaxframes.numerics.boundary import parameters, take_apart
+from jaxframes.numerics.boundary import column, parameters, take_apart
 from jaxframes.numerics.components import V3, Component, Quat, mul
 from jaxframes.numerics.rigid import AT_REST, Rigid
 from jaxframes.numerics.steps import Step, append
@@ -27,8 +28,8 @@ class Context:
         self.dtype = jnp.promote_types(float_dtype(tree.parameters), float_dtype(state))
         self._check_joints(state)
         self.shape = self._batch_shape(state)
-        self._q, self._qd, self._qdd = (self._columns(values) for values in (state.q, state.qd, state.qdd))
-        self._time = None if state.time is None else (self._ranked(state.time.hi, 0), self._ranked(state.time.lo, 0))
+        self._joints = {kind: self._ranked(getattr(state, kind), 1) for kind in ("q", "qd", "qdd")}
+        self.time = None if state.time is None else (self._ranked(state.time.hi, 0), self._ranked(state.time.lo, 0))
         self._state = state
         self._steps: dict[int, tuple[Step, ...]] = {}
 
@@ -75,8 +76,25 @@ class Context:
         converted = array.astype(self.dtype)
         return lax.expand_dims(converted, range(missing)) if missing else converted
 
-    def _columns(self, values: jax.Array) -> tuple[Component, ...]:
-        return take_apart(self._ranked(values, 1))
+    def _columns(self, kind: str, first: int, count: int) -> tuple[Component, ...]:
+        return tuple(column(self._joints[kind], first + i) for i in range(count))
+
+    def gathered(self, kind: str, columns: np.ndarray) -> jax.Array:
+        """Return some columns of ``q``, ``qd`` or ``qdd`` as one component [*batch, n]."""
+        return self._whole(picked(self._joints[kind], columns, -1), 0)
+
+    def _whole(self, array: jax.Array, trailing: int) -> jax.Array:
+        """Return an array of several frames, [n] or [*batch, n] before its trailing axes, with all batch axes."""
+        return lax.expand_dims(array, range(len(self.shape) + 1 + trailing - array.ndim))
+
+    def prescribed(self, rows: np.ndarray) -> Rigid:
+        """Return several of the motions that the state holds for prescribed edges, components [*batch, n]."""
+        held = self._state.prescribed
+        leaves = (held.transform.rotation.wxyz, held.transform.translation, held.velocity.angular, held.velocity.linear)
+        leaves = (*leaves, held.acceleration.angular, held.acceleration.linear)[: 2 + 2 * self.order]
+        ranked = (self._ranked(leaf, 2) for leaf in leaves)
+        quat, *vectors = (take_apart(self._whole(picked(leaf, rows, -2), 1)) for leaf in ranked)
+        return Rigid(Quat(*quat), *(V3(*v) for v in vectors))
 
     def attachment(self, row: int) -> tuple[jax.Array, Rigid]:
         """Return the parent's index and the motion relative to it of an attachable frame, by its row in the state."""
@@ -127,7 +145,7 @@ class Context:
                 f"the edge of frame {name!r} ({edge.describe()}) supports no accelerations; ask for transform or velocity, "
                 f"or put an edge there that does"
             )
-        if edge.needs_time and self._time is None:
+        if edge.needs_time and self.time is None:
             raise MissingInputError(f"frame {name!r} hangs on {edge.describe()}, and the state has no time; pass time= to tree.state")
 
     def unit_twists(self, frame: int) -> list[tuple[int, Rigid]]:
@@ -158,7 +176,7 @@ class Context:
         if source >= 0 and isinstance(edge, Mimic):
             return edge.follow(*self.coordinates(source), len(self.shape))
         first_q, nq, first_v, nv = self.topology.coordinates[frame]
-        return self._q[first_q : first_q + nq], self._qd[first_v : first_v + nv], self._qdd[first_v : first_v + nv]
+        return self._columns("q", first_q, nq), self._columns("qd", first_v, nv), self._columns("qdd", first_v, nv)
 
     def inputs(self, frame: int) -> Inputs:
         """Return what the edge above a frame may read."""
@@ -168,7 +186,17 @@ class Context:
             q=q,
             qd=qd,
             qdd=qdd,
-            time=self._time,
+            time=self.time,
             prescribed=None if row < 0 else self._held(self._state.prescribed, row),
             batch_rank=len(self.shape),
         )
+
+
+def picked(array: jax.Array, places: np.ndarray, axis: int) -> jax.Array:
+    """Return places along an axis: the array itself, a slice where they are evenly spaced, else a gather."""
+    step = int(places[1] - places[0]) if len(places) > 1 else 1
+    if step > 0 and np.all(np.diff(places) == step):
+        if len(places) == array.shape[axis]:
+            return array
+        return lax.slice_in_dim(array, int(places[0]), int(places[-1]) + 1, step, axis=axis)
+    return jnp.take(array, places.astype(np.int32), axis=axis, mode="clip", unique_indices=len(np.unique(places)) == len(places))

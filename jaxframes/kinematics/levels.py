@@ -1,171 +1,173 @@
-"""By depth level: the motions of all frames relative to the root, each component an array over the frames of a level.
+"""Over all frames of a large tree: many frames at a time, each component an array over the frames of a stage.
 
-The program grows with the depth of a tree and the number of its edge families, not with the number of its frames. Frames
-are the first axis, batch axes follow: the parents of a level are then whole rows, and arithmetic runs along the batch.
+The program grows with the depth of the tree and the number of its edge families, not with the number of its frames. A shallow tree
+goes level by level. A deep one is cut into segments of ``SPAN`` levels: the same levels of all segments are worked together relative
+to each segment's start, the starts are a tree ``SPAN`` times as shallow that is worked in the same way, and one last composition joins
+both. A chain of a thousand frames takes some thirty stages instead of a thousand, at twice the arithmetic.
 """
 
 import itertools
+from collections.abc import Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
 
-from jaxframes.kinematics.context import Context
-from jaxframes.numerics.boundary import assemble, take_apart
+from jaxframes.kinematics import plan
+from jaxframes.kinematics.context import Context, picked
+from jaxframes.kinematics.walk import Arrays, arrays_of, motion_of
+from jaxframes.numerics.boundary import is_concrete
 from jaxframes.numerics.components import Component
-from jaxframes.numerics.rigid import AT_REST, Rigid, compose
-from jaxframes.numerics.steps import append
+from jaxframes.numerics.extension import extend
+from jaxframes.numerics.rigid import AT_REST, Rigid, inverse
 from jaxframes.tree.edges.base import Edge, Inputs
 
 FEWEST = 256
-"""Trees of at least so many frames go by level; smaller ones are unrolled, which runs faster on large batches."""
+"""Trees of at least so many frames go by stages; smaller ones are unrolled, which runs faster on large batches."""
 
 
-def applies(context: Context, relative_to: int) -> bool:
-    """Return whether all frames relative to one are worked out by level: many frames, relative to the root, nothing attachable."""
-    topology = context.topology
-    return relative_to == 0 and len(topology.names) >= FEWEST and not topology.attachables
+def applies(context: Context) -> bool:
+    """Return whether all frames of a tree are worked out by stages: many frames, nothing attachable."""
+    return len(context.topology.names) >= FEWEST and not context.topology.attachables
 
 
-def all_frames(context: Context) -> Rigid:
-    """Return the motions of all frames in the root as components [n_frames, *batch], in order of declaration."""
-    topology = context.topology
-    members = _members(context)
-    local = {group: _local(context, group, frames) for group, frames in members.items()}
-    row = {frame: (group, i) for group, frames in members.items() for i, frame in enumerate(frames)}
-    levels = [[0]]
-    for frame in range(1, len(topology.names)):
-        depth = topology.depths[frame]
-        if depth == len(levels):
-            levels.append([])
-        levels[depth].append(frame)
-    done = [jax.tree.map(lambda c: _full(c, 1, context), AT_REST)]
-    for above, level in itertools.pairwise(levels):
-        level.sort(key=lambda frame: row[frame])
-        place = {frame: i for i, frame in enumerate(above)}
-        parents = _rows(done[-1], [place[topology.parents[frame]] for frame in level])
-        done.append(
-            materialized(compose(parents, _level(local, [row[frame] for frame in level], context), context.order), len(level), context)
-        )
-    order = np.argsort([frame for level in levels for frame in level])
-    return _rows(_joined(done, [len(level) for level in levels], context), list(order))
+def all_frames(context: Context, observer: int) -> Arrays:
+    """Return the motions of all frames relative to one as arrays [*batch, n_frames, k], in order of declaration."""
+    parents, turned = plan.rerooted(context.topology.parents, observer)
+    others = np.delete(np.arange(len(parents)), observer)
+    row = np.full(len(parents) + 1, -1)
+    row[others] = np.arange(len(others))
+    row[observer] = -1
+    hangs_on = row[parents[others]]
+    stages = plan.staged(hangs_on)
+    local = _local(context, turned, [others[level.frames] for level in stages.levels])
+    found = _gathered(_accumulated(context, local, stages), [level.frames for level in stages.levels])
+    rest = arrays_of(AT_REST, (*context.shape, 1), context.order, context.dtype)
+    return _joined([part for part in (_cut(found, 0, observer), rest, _cut(found, observer, len(others))) if part[0].shape[-2]])
 
 
-def _members(context: Context) -> dict[int, list[int]]:
-    found: dict[int, list[int]] = {}
-    for frame, (group, _) in enumerate(context.topology.locations):
-        if group >= 0:
-            found.setdefault(group, []).append(frame)
-    return found
+def _accumulated(context: Context, local: Sequence[Arrays], stages: plan.Stages) -> list[Arrays]:
+    """Return the motions of frames relative to the observer, level by level.
+
+    Args:
+        context: Tree and state.
+        local: Motions of each level's frames relative to the frames that they hang on, [*batch, n, k].
+        stages: The plan.
+    """
+    done: list[Arrays] = []
+    for level, here in zip(stages.levels, local, strict=True):
+        done.append(here if level.above is None else _composed(context, _rows(done[-1], level.above), here))
+    if not len(stages.starts):
+        return done
+    inner = plan.staged(stages.parents)
+    ends = _rows(done[-1], stages.starts)
+    starts = _accumulated(context, [_rows(ends, level.frames) for level in inner.levels], inner)
+    rest = arrays_of(AT_REST, (*context.shape, 1), context.order, context.dtype)
+    above = _joined([rest, _gathered(starts, [level.frames for level in inner.levels])])
+    return [_composed(context, _rows(above, level.start), here) for level, here in zip(stages.levels, done, strict=True)]
 
 
-def _local(context: Context, group: int, frames: list[int]) -> Rigid:
-    """Return the motions of a family's edges relative to their parents, components [n_edges, *batch] or known numbers."""
+def _composed(context: Context, parents: Arrays, local: Arrays) -> Arrays:
+    return arrays_of(extend(motion_of(parents), (motion_of(local),), context.order), local[0].shape[:-1], context.order, context.dtype)
+
+
+def _local(context: Context, turned: tuple[int, ...], levels: Sequence[np.ndarray]) -> list[Arrays]:
+    """Return the motions of each level's frames relative to the frames that they hang on, [*batch, n, k].
+
+    Args:
+        context: Tree and state.
+        turned: The frames from the observer up to below the root: each parent there hangs on its child, by the inverted motion.
+        levels: The frames of each level.
+    """
+    groups = np.array([group for group, _ in context.topology.locations])
+    # What a frame's motion is made of: the edge above it, or where the edge is turned round the one above the frame it hangs on.
+    edge_of = np.arange(len(groups))
+    edge_of[[context.topology.parents[frame] for frame in turned]] = turned
+    wanted = np.concatenate([edge_of[frames] for frames in levels])
+    flipped = np.isin(np.concatenate(levels), [context.topology.parents[frame] for frame in turned])
+    parts, places = [], []
+    for group in dict.fromkeys(groups[wanted].tolist()):
+        at = np.flatnonzero(groups[wanted] == group)
+        motion = _family_motion(context, group, wanted[at].tolist())
+        parts.append(arrays_of(motion, (*context.shape, len(at)), context.order, context.dtype))
+        places.append(at)
+    if flipped.any():
+        at, whole = np.flatnonzero(flipped), np.argsort(np.concatenate(places))
+        edges = _rows(_joined(parts), whole[at])
+        back = inverse(motion_of(edges), context.order)
+        places = [*places, at]
+        parts.append(arrays_of(back, (*context.shape, len(at)), context.order, context.dtype))
+    rows = np.empty(len(wanted), int)
+    first = 0
+    for at in places:
+        rows[at] = first + np.arange(len(at))
+        first += len(at)
+    found, edges = _rows(_joined(parts), rows), np.cumsum([0, *(len(frames) for frames in levels)])
+    return [_cut(found, a, b) for a, b in itertools.pairwise(edges.tolist())]
+
+
+def _family_motion(context: Context, group: int, frames: list[int]) -> Rigid:
+    """Return the motions of edges of one family relative to their parents, components [*batch, n_edges] or known numbers."""
     if not context.topology.stacked[group]:
-        motion = AT_REST
-        for step in context.steps(frames[0]):
-            motion = append(motion, step, context.order)
-        return jax.tree.map(lambda c: c if isinstance(c, float) else _full(c, 0, context)[None], motion)
-    for frame in frames:
-        context.check(frame)
-    edge = _family(context, group)
-    inputs = [context.inputs(frame) for frame in frames]
-    together = _together(inputs, context)
-    motion = AT_REST
-    for step in edge.steps(together, context.order):
-        motion = append(motion, step, context.order)
-    return materialized(motion, len(frames), context)
+        return jax.tree.map(lambda c: c if isinstance(c, float) else c[..., None], extend(AT_REST, context.steps(frames[0]), context.order))
+    context.check(frames[0])
+    edge = _family(context, group, np.array([context.topology.locations[frame][1] for frame in frames]))
+    return extend(AT_REST, edge.steps(_inputs(context, frames), context.order), context.order)
 
 
-def _family(context: Context, group: int) -> Edge:
-    """Return all edges of a family as one, the frames as the first axis of every parameter."""
+def _family(context: Context, group: int, rows: np.ndarray) -> Edge:
+    """Return several edges of a family as one: every parameter is a batch [..., n_edges, k]."""
 
-    def first(leaf: jax.Array) -> jax.Array:
-        moved = jnp.moveaxis(jnp.asarray(leaf), -2, 0)
-        missing = len(context.shape) - (moved.ndim - 2)
-        return lax.expand_dims(moved, range(1, 1 + missing)).astype(context.dtype)
+    def several(leaf: jax.Array) -> Any:
+        if is_concrete(leaf):  # known numbers: nothing is left for the compiled program to do
+            return jnp.asarray(np.asarray(leaf)[..., rows, :].astype(context.dtype))
+        return picked(jnp.asarray(leaf), rows, -2).astype(context.dtype)
 
     topology = context.topology
-    return jax.tree.unflatten(topology.groups[group], [first(leaf) for leaf in context.tree.parameters[group]])
+    return jax.tree.unflatten(topology.groups[group], [several(leaf) for leaf in context.tree.parameters[group]])
 
 
-def _together(inputs: list[Inputs], context: Context) -> Inputs:
-    """Return what several edges read as one, each component [n_edges, *batch]."""
-    one = inputs[0]
-    time = None if one.time is None else tuple(jnp.asarray(part)[None] for part in one.time)
-    rest = [x._replace(time=None, batch_rank=0) for x in inputs]
-    joined = jax.tree.map(lambda *parts: _stack(parts, context), *rest)
-    return joined._replace(time=time, batch_rank=len(context.shape) + 1)
+def _inputs(context: Context, frames: list[int]) -> Inputs:
+    """Return what several edges of one family read as one, each component [*batch, n_edges]."""
+    batch_rank = len(context.shape) + 1
+    time = None if context.time is None else (context.time[0][..., None], context.time[1][..., None])
+    topology = context.topology
+    if any(topology.sources[frame] >= 0 for frame in frames):
+        each = [context.coordinates(frame) for frame in frames]
+        q, qd, qdd = jax.tree.map(lambda *parts: _stack(parts, context), *each)
+        return Inputs(q, qd, qdd, time, None, batch_rank)
+    if topology.prescribed[frames[0]] >= 0:
+        held = context.prescribed(np.array([topology.prescribed[frame] for frame in frames]))
+        return Inputs(time=time, prescribed=held, batch_rank=batch_rank)
+    places = np.array([topology.coordinates[frame] for frame in frames])
+    q = tuple(context.gathered("q", places[:, 0] + i) for i in range(places[0, 1]))
+    qd, qdd = (tuple(context.gathered(kind, places[:, 2] + i) for i in range(places[0, 3])) for kind in ("qd", "qdd"))
+    return Inputs(q, qd, qdd, time, None, batch_rank)
 
 
-def _stack(parts: tuple[Component, ...], context: Context) -> Any:
+def _stack(parts: Sequence[Component], context: Context) -> Any:
     if all(isinstance(p, (int, float)) and p == parts[0] for p in parts):
         return parts[0]
-    return jnp.stack([_full(p, 0, context) for p in parts])
+    return jnp.stack([jnp.broadcast_to(jnp.asarray(p, context.dtype), context.shape) for p in parts], axis=-1)
 
 
-def _full(component: Component, leading: int, context: Context) -> jax.Array:
-    """Return a component broadcast to the batch, with a leading axis of one if asked."""
-    array = jnp.asarray(component, context.dtype)
-    return jnp.broadcast_to(array, (*((1,) * leading), *context.shape))
+def _rows(arrays: Arrays, rows: np.ndarray) -> Arrays:
+    """Return some rows of arrays [..., n, k]."""
+    return tuple(picked(array, rows, -2) for array in arrays)
 
 
-def _level(local: dict[int, Rigid], rows: list[tuple[int, int]], context: Context) -> Rigid:
-    """Return the local motions of one level's frames, which are sorted by family."""
-    parts, counts = [], []
-    for group in dict.fromkeys(group for group, _ in rows):
-        mine = [i for g, i in rows if g == group]
-        parts.append(_rows(local[group], mine))
-        counts.append(len(mine))
-    return _joined(parts, counts, context)
+def _cut(arrays: Arrays, first: int, last: int) -> Arrays:
+    return tuple(array[..., first:last, :] for array in arrays)
 
 
-def _rows(motion: Rigid, rows: list[int]) -> Rigid:
-    """Return some rows of components [n, *batch]: a slice where they follow each other, else a gather of whole rows."""
-    first, count = rows[0], len(rows)
-    run = list(rows) == list(range(first, first + count))
-
-    def pick(component: Component) -> Component:
-        if not isinstance(component, jax.Array) or (run and count == component.shape[0]):
-            return component
-        return component[first : first + count] if run else jnp.take(component, np.array(rows, np.int32), axis=0)
-
-    return jax.tree.map(pick, motion)
+def _joined(parts: Sequence[Arrays]) -> Arrays:
+    return parts[0] if len(parts) == 1 else tuple(jnp.concatenate(each, axis=-2) for each in zip(*parts, strict=True))
 
 
-def _joined(motions: list[Rigid], counts: list[int], context: Context) -> Rigid:
-    """Return motions one after the other along the frames' axis; a number that all share stays a number."""
-
-    def join(*parts: Component) -> Component:
-        if all(isinstance(p, float) and p == parts[0] for p in parts):
-            return parts[0]
-        full = [jnp.broadcast_to(jnp.asarray(p, context.dtype), (n, *context.shape)) for p, n in zip(parts, counts, strict=True)]
-        return full[0] if len(full) == 1 else jnp.concatenate(full)
-
-    return jax.tree.map(join, *motions)
-
-
-def materialized(motion: Rigid, count: int, context: Context) -> Rigid:
-    """Return a motion whose components are computed once, behind a fence, however many consumers follow."""
-    leaves, structure = jax.tree.flatten(motion)
-    arrays = [i for i, leaf in enumerate(leaves) if not isinstance(leaf, float)]
-    if not arrays:
-        return motion
-    whole = assemble(tuple(leaves[i] for i in arrays), (count, *context.shape), context.dtype)
-    for i, component in zip(arrays, take_apart(whole), strict=True):
-        leaves[i] = component
-    return jax.tree.unflatten(structure, leaves)
-
-
-def as_arrays(motion: Rigid, context: Context) -> tuple[jax.Array, ...]:
-    """Return the parts of a motion as arrays [*batch, n_frames, k]."""
-    count = len(context.topology.names)
-    shape = (*context.shape, count)
-
-    def last(component: Component) -> Component:
-        return component if isinstance(component, float) else jnp.moveaxis(jnp.broadcast_to(component, (count, *context.shape)), 0, -1)
-
-    parts = (motion.rotation, motion.translation, motion.angular, motion.linear, motion.angular2, motion.linear2)
-    return tuple(assemble(tuple(last(c) for c in part), shape, context.dtype) for part in parts[: 2 + 2 * context.order])
+def _gathered(levels: Sequence[Arrays], frames: Sequence[np.ndarray]) -> Arrays:
+    """Return the rows of levels in the order of the frames' numbers."""
+    if plan.interleaved(frames):
+        stacked = (jnp.stack(each, axis=-2) for each in zip(*levels, strict=True))
+        return tuple(array.reshape(*array.shape[:-3], -1, array.shape[-1]) for array in stacked)
+    return _rows(_joined(levels), np.argsort(np.concatenate(frames)))

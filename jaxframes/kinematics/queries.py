@@ -25,7 +25,7 @@ Value = TypeVar("Value")
 
 def as_motion(motion: Rigid, context: Context) -> Motion:
     """Return components as the values that users hold; velocity and acceleration are None beyond the order computed."""
-    return _named(arrays_of(motion, context))
+    return _named(arrays_of(motion, context.shape, context.order, context.dtype))
 
 
 def _named(parts: tuple[jax.Array, ...]) -> Motion:
@@ -47,11 +47,11 @@ def _between(tree: FrameTree, state: State, of: int, relative_to: int, expressed
 
 def _all_frames(tree: FrameTree, state: State, relative_to: int, order: int) -> Motion:
     context = Context(tree, state, order)
-    if levels.applies(context, relative_to):
-        return _named(levels.as_arrays(levels.all_frames(context), context))
+    if levels.applies(context):
+        return _named(levels.all_frames(context, relative_to))
     if tree.topology.attachables:
         found = attached.all_frames(context, relative_to)
-        arrays = [arrays_of(found[frame], context) for frame in range(len(tree.names))]
+        arrays = [arrays_of(found[frame], context.shape, context.order, context.dtype) for frame in range(len(tree.names))]
     else:
         done = everything(context, relative_to)
         arrays = [done[frame] for frame in range(len(tree.names))]

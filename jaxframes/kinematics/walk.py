@@ -1,6 +1,7 @@
 """Over all frames: the motion of every frame relative to one, each edge used once, outward from the observer."""
 
 from collections.abc import Callable
+from typing import Any
 
 import jax
 
@@ -20,9 +21,9 @@ Arrays = tuple[jax.Array, ...]
 """The parts of a motion as arrays [..., 4 or 3]: pose, then velocity, then acceleration, as far as the order goes."""
 
 
-def arrays_of(motion: Rigid, context: Context) -> Arrays:
-    """Return the parts of a motion that the order asks for as fenced arrays of the whole batch."""
-    return tuple(assemble(tuple(part), context.shape, context.dtype) for part in parts_of(motion, context.order))
+def arrays_of(motion: Rigid, shape: tuple[int, ...], order: int, dtype: Any) -> Arrays:
+    """Return the parts of a motion that an order asks for as fenced arrays [*shape, k]."""
+    return tuple(assemble(tuple(part), shape, dtype) for part in parts_of(motion, order))
 
 
 def motion_of(arrays: Arrays) -> Rigid:
@@ -40,7 +41,7 @@ def everything(context: Context, observer: int) -> dict[int, Arrays]:
     done: dict[int, Arrays] = {}
 
     def stage(frame: int, motion: Rigid) -> Rigid:
-        done[frame] = arrays_of(motion, context)
+        done[frame] = arrays_of(motion, context.shape, context.order, context.dtype)
         return motion_of(done[frame])
 
     outward(context, observer, stage=stage)

@@ -88,6 +88,19 @@ def _take_apart_jvp(primals: tuple[jax.Array], tangents: tuple[jax.Array]) -> tu
     return take_apart(array), picked
 
 
+@functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
+def column(array: jax.Array, index: int) -> jax.Array:
+    """Return one component of an array ``[..., k]``; the transpose is a select, never a pad."""
+    return lax.index_in_dim(array, index, array.ndim - 1, keepdims=False)
+
+
+@column.defjvp
+def _column_jvp(index: int, primals: tuple[jax.Array], tangents: tuple[jax.Array]) -> tuple[jax.Array, jax.Array]:
+    (array,), (tangent,) = primals, tangents
+    here = lax.broadcasted_iota(jnp.int32, array.shape, array.ndim - 1) == index
+    return column(array, index), jnp.sum(jnp.where(here, tangent, jnp.zeros_like(tangent)), -1)
+
+
 def is_concrete(array: Any) -> bool:
     """Whether an array's numbers are known now, outside any trace."""
     return not isinstance(array, jax.core.Tracer)
@@ -109,14 +122,23 @@ def parameters(array: jax.Array, batch_rank: int = 0) -> tuple[Component, ...]:
 
 def default_float() -> Any:
     """Return the default float dtype as JAX is configured now."""
-    return jnp.zeros((), float).dtype
+    return jnp.result_type(float)
 
 
 def as_float(value: Any) -> jax.Array:
     """Return any array-like of numbers as a JAX array with a strong float dtype."""
+    if isinstance(value, jax.Array) and not value.weak_type and jnp.issubdtype(value.dtype, jnp.floating):
+        return value
+    if isinstance(value, (np.ndarray, float)):  # converted before it becomes an array of JAX: ten times faster
+        return jnp.asarray(np.asarray(value, value.dtype if _is_single(value) else default_float()))
     array = jnp.asarray(value)
     dtype = array.dtype if jnp.issubdtype(array.dtype, jnp.floating) and not array.weak_type else default_float()
     return lax.convert_element_type(array, dtype)
+
+
+def _is_single(value: Any) -> bool:
+    """Whether a NumPy array is of a float dtype that JAX keeps as it is: any but float64, which the configuration decides."""
+    return isinstance(value, np.ndarray) and jnp.issubdtype(value.dtype, jnp.floating) and value.dtype != np.float64
 
 
 def common_float(*values: Any) -> tuple[jax.Array, ...]:

@@ -33,6 +33,7 @@ class TreeBuilder:
         self._edges: dict[str, Edge] = {}
         self._joints: dict[str, str] = {}  # frame -> name of its edge; the order is that of the coordinates
         self._properties: dict[str, Properties] = {}
+        self._above: dict[str, str] | None = None  # name of an edge -> its frame; made when it is needed
 
     @classmethod
     def from_tree(cls, tree: FrameTree) -> "TreeBuilder":
@@ -77,6 +78,7 @@ class TreeBuilder:
             if name in held:
                 self._properties[new] = held[name]
         self._joints.update((prefix + name, prefix + joint) for name, joint in joints.items())
+        self._above = None
 
     def reordered(self, order: list[str], parents: Mapping[str, str], edges: Mapping[str, Edge]) -> "TreeBuilder":
         """Return a builder with the same frames in another order, some of them with another parent or edge."""
@@ -112,6 +114,7 @@ class TreeBuilder:
                 self._parents[child] = self._parents[name]
             elif parent in gone:
                 gone.add(child)
+        self._above = None
         for frame in gone:
             self._parents.pop(frame)
             for held in (self._edges, self._joints, self._properties):
@@ -207,11 +210,12 @@ class TreeBuilder:
             self._properties[name] = frozen
 
     def _free_joint(self, joint: str, frame: str) -> str:
-        for other, taken in self._joints.items():
-            if taken == joint:
-                raise DuplicateNameError(
-                    f"frame {frame!r}: joint {joint!r} exists already, above frame {other!r}; give joint= another name"
-                )
+        if self._above is None:
+            self._above = {joint: other for other, joint in self._joints.items()}
+        if joint in self._above:
+            other = self._above[joint]
+            raise DuplicateNameError(f"frame {frame!r}: joint {joint!r} exists already, above frame {other!r}; give joint= another name")
+        self._above[joint] = frame
         return joint
 
     def order_joints(self, names: Sequence[str]) -> None:
