@@ -160,15 +160,23 @@ def _in_blocks(order: int, vectors: bool, run: Run, hi: jax.Array, lo: jax.Array
     The last block starts early enough to be whole, so nothing is padded, cut or copied.
     """
     count = hi.shape[0]
-    width, rest = (1, (3,)) if vectors else (3, ())
 
     def block(i: jax.Array, out: Values) -> Values:
         at = jnp.minimum(i * BLOCK, count - BLOCK)
-        values = _plain(order, vectors, run, lax.dynamic_slice(hi, (at,), (BLOCK,)), lax.dynamic_slice(lo, (at,), (BLOCK,)))
-        return tuple(lax.dynamic_update_slice_in_dim(o, v, at, 0) for o, v in zip(out, values, strict=True))
+        values = _components(order, run, lax.dynamic_slice(hi, (at,), (BLOCK,)), lax.dynamic_slice(lo, (at,), (BLOCK,)))
+        if not vectors:
+            return tuple(lax.dynamic_update_slice_in_dim(o, v, at, 0) for o, v in zip(out, values, strict=True))
+        # Column by column: putting vectors together first computes each component three times (measured: 1.3 times the whole).
+        return tuple(_with_columns(o, values[3 * k : 3 * k + 3], at) for k, o in enumerate(out))
 
-    empty = jnp.empty((count, *rest), hi.dtype)
-    return lax.fori_loop(0, -(-count // BLOCK), block, (empty,) * (width * (order + 1)))
+    empty = jnp.empty((count, 3) if vectors else (count,), hi.dtype)
+    return lax.fori_loop(0, -(-count // BLOCK), block, (empty,) * ((1 if vectors else 3) * (order + 1)))
+
+
+def _with_columns(out: jax.Array, columns: Sequence[jax.Array], at: jax.Array) -> jax.Array:
+    for j, column in enumerate(columns):
+        out = lax.dynamic_update_slice(out, column[:, None], (at, jnp.asarray(j, at.dtype)))
+    return out
 
 
 def _local(run: Run, hi: jax.Array, lo: jax.Array) -> tuple[jax.Array, jax.Array]:
