@@ -242,9 +242,7 @@ def _swing(step: Turn, dstep: Turn) -> V3:
     return (dstep.axis * c + cross(step.axis, dstep.axis) * s) * mul(s, 2.0)
 
 
-def _carried(
-    before: Rigid, change: _Change, angle: V3, arm: Varied, local: tuple[Varied, Varied, Varied, Varied], order: int
-) -> _Change:
+def _carried(before: Rigid, change: _Change, angle: V3, arm: Varied, local: tuple[Varied, Varied, Varied, Varied], order: int) -> _Change:
     """Return the change of the composed motion (see ``rigid.compose``) from those of the motion before and of what the step adds."""
     r, dr = arm
     translation = change.translation + dr

@@ -42,7 +42,8 @@ class KernelProcess:
             [sys.executable, "-P", str(WORKER)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
         )
         self._lock = threading.Lock()
-        self._timeout, self._late = timeout, False
+        # Starting reads no kernel, and takes as long as the machine is busy: the caller's time-out is for requests.
+        self._timeout, self._late = TIMEOUT, False
         self._finalizer = weakref.finalize(self, _shut, self._popen)
         self._doing = "starting"
         try:
@@ -51,6 +52,7 @@ class KernelProcess:
         except CspiceError as error:
             self.close()
             raise MissingKernelError(f"Kernels are read by spiceypy, which cannot be imported: {error}. Install spiceypy.") from error
+        self._timeout = timeout
 
     def call(self, method: str, *arguments: Any, doing: str) -> Any:
         """Return the worker's answer to a request.

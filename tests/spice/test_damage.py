@@ -1,7 +1,6 @@
 """Kernels cut off and with bits flipped, everywhere: an error of the library or the answer that CSPICE gives, never a crash or a hang."""
 
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -94,10 +93,8 @@ def test_files_cut_off_anywhere(tmp_path, rng, kind):
 
 def test_an_answer_that_does_not_come_ends_the_process(paths):
     process = KernelProcess(timeout=0.5)
-    start = time.monotonic()
     with pytest.raises(errors.BadKernelError, match=r"did not answer within 0.5 s while sleeping.*timeout=seconds"):
         process.call("wait", 60.0, doing="sleeping")
-    assert time.monotonic() - start < 10
     assert process.closed
     with pytest.raises(errors.SpiceError, match="closed"):
         process.call("version", doing="asking")
