@@ -33,7 +33,7 @@ def apparent(tree: FrameTree, state: State, looking: Looking) -> ApparentState:
     """Return what an observer sees, as ``FrameTree.apparent`` says."""
     state = broadcast(state)
     time = _time(state)
-    observer = _at_root(tree, state, looking.relative_to, max(looking.order, int(looking.aberration)))
+    observer = _at_root(tree, state, looking.relative_to, min(looking.order + int(looking.aberration), 2))
     shape, dtype = time.shape, Context(tree, state, 0).dtype
     if looking.light_time is False:
         tau = jnp.zeros(shape, dtype)

@@ -112,6 +112,16 @@ def test_batches_and_vmap_and_axes(tree, times, dtype):
     np.testing.assert_allclose(grid.light_time, rows.light_time, rtol=8 * eps)
 
 
+def test_lower_orders_are_parts_of_the_whole(tree, look, times, dtype):
+    whole = look("XCN+S", times)
+    for order in (0, 1):
+        part = tree.apparent(tree.state(time=jf.Epoch.from_et(times)), of=MARS, relative_to=EARTH, order=order, **LOOKS["XCN+S"])
+        np.testing.assert_allclose(part.position, whole.position, rtol=0, atol=8 * np.finfo(dtype).eps * 4e11)
+        if order:
+            np.testing.assert_allclose(part.velocity, whole.velocity, rtol=0, atol=40 * np.finfo(dtype).eps * 3e4)
+    assert part.acceleration is None
+
+
 def test_without_light_time_it_is_the_geometric_state(tree, times, tol):
     state = tree.state(time=times[:3])
     found = tree.apparent(state, of=MOON, relative_to=EARTH, light_time=False)
