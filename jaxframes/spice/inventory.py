@@ -134,7 +134,8 @@ class Inventory:
                 return rows
         if anchor["class"] == orient.CK:
             rows = []
-            for path in self._process.call("binary_files", doing="listing files"):
+            segments = self._process.call("ck_segments", doing="listing the segments of the C-kernels")
+            for path in dict.fromkeys(s["path"] for s in segments if s["instrument"] == anchor["class_id"]):
                 windows = self._process.call("ck_windows", path, anchor["class_id"], doing=f"reading the coverage of {path}")
                 rows += [(number, name, Fraction(a), Fraction(b), Path(path).name) for a, b in windows]
             if rows:

@@ -37,7 +37,7 @@ def loaded(cspice):
     return cspice
 
 
-@pytest.mark.parametrize("name", ["MERCURY", "EARTH", "MOON", "MARS", "PHOBOS", "JUPITER", "TRITON"])
+@pytest.mark.parametrize("name", ["EARTH", "MOON", "MARS", "PHOBOS", "TRITON"])
 def test_orientations_agree_with_sxform(edges, loaded, rng, name, dtype):
     times = rng.integers(-630_000_000, 950_000_000, 60).astype(float)
     q, w = edges[name].evaluate(times, order=1)
@@ -99,7 +99,7 @@ def constants_of(text):
 
 
 @pytest.mark.float64
-@pytest.mark.parametrize(("name", "body"), [("MERCURY", 199), ("EARTH", 399), ("MOON", 301), ("PHOBOS", 401), ("JUPITER", 599)])
+@pytest.mark.parametrize(("name", "body"), [("EARTH", 399), ("MOON", 301), ("PHOBOS", 401), ("JUPITER", 599)])
 def test_two_part_time_keeps_thirteen_digits(edges, rng, name, body):
     constants = constants_of(PCK.read_text())
     seconds = rng.uniform(-1.5e9, 2.5e9, 6)

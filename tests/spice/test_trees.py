@@ -57,11 +57,7 @@ def test_any_frame_relative_to_any_other(tree, everything, cspice):
     for path in everything:
         cspice.furnsh(str(path))
     state = tree.state(time=TIMES)
-    for of, body, base, center in (
-        ("IAU_MOON", "MOON", "ITRF93", "EARTH"),
-        ("ECLIPJ2000", "SSB", "IAU_MOON", "MOON"),
-        ("SUN", "SUN", "MOON_TEST_ME", "MOON"),
-    ):
+    for of, body, base, center in (("IAU_MOON", "MOON", "ITRF93", "EARTH"), ("SUN", "SUN", "MOON_TEST_ME", "MOON")):
         motion = tree.motion(state, of=of, relative_to=base)
         states = np.array([cspice.spkezr(body, t, base, "NONE", center)[0] for t in TIMES]) * 1e3
         # The axes of the Moon and ITRF93 differ from CSPICE's by its rounding, 2e-11 rad.
