@@ -4,6 +4,7 @@ import re
 
 import jax
 
+COMPUTATION = re.compile(r"^%?(?:fused_computation|region|wrapped)[\w.\-]*[^\n]*\{$(.*?)^\}", re.MULTILINE | re.DOTALL)
 DOT = re.compile(r"stablehlo\.(dot_general|dot|convolution)\b[^\n]*")
 
 
@@ -20,3 +21,12 @@ def assert_highest_precision(function, *arguments):
     """
     for line in products(function, *arguments):
         assert re.search(r"precision = \[HIGHEST, HIGHEST\]", line), line
+
+
+def compiled_shape(function, *arguments):
+    """Return (instructions in the largest fused computation, floating-point operations) of a function's compiled program."""
+    made = jax.jit(function).lower(*arguments).compile()
+    sizes = [match.group(1).count("\n") for match in COMPUTATION.finditer(made.as_text())]
+    cost = made.cost_analysis()
+    cost = cost[0] if isinstance(cost, list) else cost
+    return max(sizes, default=0), cost.get("flops", 0.0)

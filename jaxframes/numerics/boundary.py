@@ -130,15 +130,12 @@ def as_float(value: Any) -> jax.Array:
     if isinstance(value, jax.Array) and not value.weak_type and jnp.issubdtype(value.dtype, jnp.floating):
         return value
     if isinstance(value, (np.ndarray, float)):  # converted before it becomes an array of JAX: ten times faster
-        return jnp.asarray(np.asarray(value, value.dtype if _is_single(value) else default_float()))
+        numbers = np.asarray(value)
+        single = jnp.issubdtype(numbers.dtype, jnp.floating) and isinstance(value, np.ndarray) and numbers.dtype != np.float64
+        return jnp.asarray(numbers if single else numbers.astype(default_float()))
     array = jnp.asarray(value)
     dtype = array.dtype if jnp.issubdtype(array.dtype, jnp.floating) and not array.weak_type else default_float()
     return lax.convert_element_type(array, dtype)
-
-
-def _is_single(value: Any) -> bool:
-    """Whether a NumPy array is of a float dtype that JAX keeps as it is: any but float64, which the configuration decides."""
-    return isinstance(value, np.ndarray) and jnp.issubdtype(value.dtype, jnp.floating) and value.dtype != np.float64
 
 
 def common_float(*values: Any) -> tuple[jax.Array, ...]:

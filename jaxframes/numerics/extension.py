@@ -23,7 +23,7 @@ from jaxframes.numerics.rigid import Rigid, compose
 from jaxframes.numerics.steps import Slide, Step, Turn, append
 from jaxframes.numerics.trig import sin_cos_all
 
-LONGEST = {0: 16, 1: 12, 2: 10}
+LONGEST = {0: 16, 1: 12, 2: 8}
 """Steps that are extended by in one piece, for each order: longer paths are cut, because XLA:CPU slows down by orders of magnitude on
 fused computations of some thousand instructions."""
 
@@ -36,12 +36,35 @@ def extend(motion: Rigid, steps: Iterable[Step], order: int) -> Rigid:
         steps: The steps.
         order: 0 for poses, 1 with velocities, 2 with accelerations.
     """
-    listed = _with_halves(folded(steps))
+    listed = tuple(_with_halves(folded(steps)))
+    if len(listed) <= LONGEST[order]:
+        return _piece(motion, listed, order)
     for first in range(0, len(listed), LONGEST[order]):
         if first:
             motion = materialized(motion, order)
-        motion = _piece(motion, listed[first : first + LONGEST[order]], order)
+        motion = _piece(motion, _apart(listed[first : first + LONGEST[order]]), order)
     return motion
+
+
+def _apart(steps: tuple[Step, ...]) -> tuple[Step, ...]:
+    """Return the same steps, whose derivatives pass through a fence: those of a long path do not all meet in one computation."""
+    leaves, structure = jax.tree.flatten(steps)
+    arrays = [i for i, leaf in enumerate(leaves) if isinstance(leaf, jax.Array)]
+    shape = jnp.broadcast_shapes(*(leaves[i].shape for i in arrays))
+    whole = [i for i in arrays if leaves[i].shape == shape]
+    for i, leaf in zip(whole, _fenced_derivative(tuple(leaves[i] for i in whole)), strict=True):
+        leaves[i] = leaf
+    return jax.tree.unflatten(structure, leaves)
+
+
+@jax.custom_jvp
+def _fenced_derivative(arrays: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
+    return arrays
+
+
+@_fenced_derivative.defjvp
+def _fenced_derivative_jvp(primals: Any, tangents: Any) -> tuple[tuple[jax.Array, ...], tuple[jax.Array, ...]]:
+    return primals[0], take_apart(assemble(tangents[0])) if tangents[0] else ()
 
 
 def folded(steps: Iterable[Step]) -> tuple[Step, ...]:
