@@ -118,7 +118,7 @@ def jaxlie_gradient(tree: jf.FrameTree, tip: str, batch: int) -> Rivals:
     return {"jaxlie": _run(jax.vmap(jax.grad(loss)), _joints(tree, min(batch, 16_384)))}
 
 
-def jax_peers(tree: jf.FrameTree, tip: str, batch: int) -> Rivals:
+def jax_peers(tree: jf.FrameTree, tip: str, batch: int, with_mjx: bool) -> Rivals:
     """Return the tip pose by jaxlie, brax and MJX, those that are installed, each at a batch that suits it."""
     found: Rivals = {}
     try:
@@ -136,6 +136,8 @@ def jax_peers(tree: jf.FrameTree, tip: str, batch: int) -> Rivals:
         found["brax"] = _run(jax.vmap(lambda x: kinematics.forward(system, x, jnp.zeros_like(x))[0]), joints)
     except ImportError:
         _missing("brax")
+    if not with_mjx:
+        return found
     try:
         import mujoco
         from mujoco import mjx  # pyright: ignore[reportAttributeAccessIssue]
@@ -144,7 +146,8 @@ def jax_peers(tree: jf.FrameTree, tip: str, batch: int) -> Rivals:
         device = mjx.put_model(model)
         rest = mjx.make_data(device)
         forward = jax.vmap(lambda x: (d := mjx.kinematics(device, rest.replace(qpos=x))) and (d.xpos, d.xquat))
-        found["MJX"] = _run(forward, q[:, : model.nq].astype(rest.qpos.dtype))
+        slow = jax.__version__ < "0.11"  # there it takes hundreds of microseconds a sample
+        found["MJX"] = _run(forward, q[: 256 if slow else None, : model.nq].astype(rest.qpos.dtype))
     except ImportError:
         _missing("mujoco-mjx")
     return found
@@ -164,8 +167,9 @@ def _mjcf(edges: list[tuple[np.ndarray, np.ndarray, np.ndarray | None, str]]) ->
     words = lambda numbers: " ".join(repr(float(x)) for x in numbers)
     text, close = "", ""
     for wxyz, translation, axis, kind in edges:
-        text += f'<body pos="{words(translation)}" quat="{words(wxyz)}"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+        text += f'<body pos="{words(translation)}" quat="{words(wxyz)}">'
         if axis is not None:
+            text += '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
             text += f'<joint type="{"slide" if kind == "Prismatic" else "hinge"}" axis="{words(axis)}"/>'
         close += "</body>"
     return f"<mujoco><worldbody>{text}{close}</worldbody></mujoco>"

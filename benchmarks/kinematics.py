@@ -20,7 +20,7 @@ from _timing import compiled, interleaved, nanoseconds
 import jaxframes as jf
 
 PANDA = Path(__file__).resolve().parent.parent / "tests/data/robots/panda.urdf"
-TIP = "panda_rightfinger"
+TIP = "panda_leftfinger"
 
 
 def weighted(values: Any) -> jax.Array:
@@ -55,19 +55,19 @@ class Robot:
         return jax.grad(lambda *s: weighted(self.motion(*s)), argnums=(0, 1, 2))(*state)
 
 
-def row(what: str, ours: Callable[..., Any], arguments: tuple, samples: int, rivals: dict[str, tuple[Callable[[], Any], int, float]]) -> float:
+def row(
+    what: str, ours: Callable[..., Any], arguments: tuple, samples: int, rivals: dict[str, tuple[Callable[[], Any], int, float]]
+) -> float:
     """Time ours and its rivals in turn and print one line; a rival is (run, its samples, nanoseconds a sample to subtract)."""
     made, seconds = compiled(ours, *arguments)
     runs = interleaved({"": lambda: made(*arguments), **{name: run for name, (run, _, _) in rivals.items()}}, 15)
     mine = nanoseconds(runs[""], samples)[0]
-    text = ", ".join(
-        f"{(nanoseconds(runs[name], count)[0] - spent) / mine:.1f}x {name}" for name, (_, count, spent) in rivals.items()
-    )
+    text = ", ".join(f"{(nanoseconds(runs[name], count)[0] - spent) / mine:.1f}x {name}" for name, (_, count, spent) in rivals.items())
     print(f"{what:58s} {mine:8.1f} ns a sample, compiled in {seconds:4.1f} s   {text}", flush=True)
     return mine
 
 
-def panda(batch: int) -> None:
+def panda(batch: int, with_mjx: bool) -> None:
     for dtype in (np.float64, np.float32):
         robot = Robot(jf.load_urdf(PANDA), TIP, batch, dtype)
         name = np.dtype(dtype).name
@@ -77,7 +77,7 @@ def panda(batch: int) -> None:
         if dtype == np.float32:
             row(f"Panda tip pose + velocity + acceleration, {name}", robot.motion, (q, qd, qdd), batch, pin.get("motion", {}))
             continue
-        row("the same", robot.pose, (q,), batch, peers.jax_peers(robot.tree, TIP, batch))
+        row("the same", robot.pose, (q,), batch, peers.jax_peers(robot.tree, TIP, batch, with_mjx))
         row("Panda all poses as [B, n, 4] and [B, n, 3]", robot.world, (q,), batch, pin.get("pose", {}))
         row("Panda tip pose + velocity + acceleration", robot.motion, (q, qd, qdd), batch, pin.get("motion", {}))
         row("Panda tip Jacobian", robot.jacobian, (q,), batch, pin.get("jacobian", {}))
@@ -134,10 +134,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--batch", type=int, default=65_536)
     parser.add_argument("--talos", type=Path, help="URDF of Talos (package example-robot-data: talos_data/robots/talos_full_v2.urdf)")
+    parser.add_argument("--no-mjx", action="store_true", help="leave MJX out: under jax 0.10 it compiles for minutes")
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     print(f"jax {jax.__version__}, batch {options.batch}, {time.strftime('%Y-%m-%d')}")
-    panda(options.batch)
+    panda(options.batch, not options.no_mjx)
     if options.talos:
         tree = jf.load_urdf(options.talos)
         robot = Robot(tree, "arm_left_7_link", options.batch, np.float64)

@@ -22,9 +22,7 @@ from jaxframes.numerics.components import Component
 from jaxframes.numerics.extension import extend
 from jaxframes.numerics.rigid import AT_REST, Rigid, inverse
 from jaxframes.tree.edges.base import Edge, Inputs
-
-FEWEST = 256
-"""Trees of at least so many frames go by stages; smaller ones are unrolled, which runs faster on large batches."""
+from jaxframes.tree.ways import FEWEST
 
 
 def applies(context: Context) -> bool:

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-SPAN = 10
-"""Levels in a segment of a deep tree."""
+from jaxframes.tree.ways import SPAN, is_deep
 
 
 @dataclass(frozen=True)
@@ -64,11 +63,11 @@ def depths_of(parents: np.ndarray) -> np.ndarray:
     return steps[:count]
 
 
-def staged(parents: np.ndarray, span: int = SPAN) -> Stages:
+def staged(parents: np.ndarray) -> Stages:
     """Return the stages of frames with the parents given (-1: hangs on the observer, or is the observer)."""
     depths = depths_of(parents)
-    deep = int(depths.max()) + 1 > span + span // 2
-    digits = depths % span if deep else depths
+    deep = is_deep(int(depths.max()) + 1)
+    digits = depths % SPAN if deep else depths
     by_digit = np.argsort(digits, kind="stable")
     groups = np.split(by_digit, np.searchsorted(digits[by_digit], np.arange(1, int(digits.max()) + 1)))
     place, start = np.empty(len(parents), int), np.where(digits == 0, parents, -1)

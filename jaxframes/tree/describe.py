@@ -6,6 +6,7 @@ from jaxframes.tree.check import check
 from jaxframes.tree.state import State
 from jaxframes.tree.structure import Structure
 from jaxframes.tree.text import DumpOptions, explain, format_tree, path_in_state
+from jaxframes.tree.ways import over_all_frames
 
 
 class Described(Structure):
@@ -20,12 +21,15 @@ class Described(Structure):
         """
         return format_tree(self, options or DumpOptions(), state)
 
-    def explain(self, *, of: str, relative_to: str, state: State | None = None) -> str:
+    def explain(self, *, of: str | None = None, relative_to: str | None = None, state: State | None = None) -> str:
         """Return text that says which edges a query between two frames touches, in which direction, and what each needs.
 
-        Where attachable frames stand between the two, the path depends on the state: pass one to see its path.
+        Without ``of``: how queries about all frames go through the tree, and why. Where attachable frames stand between two
+        frames, the path depends on the state: pass one to see its path.
         """
-        return explain(self, of, relative_to, state)
+        if of is None:
+            return over_all_frames(self.topology)
+        return explain(self, of, self.root if relative_to is None else relative_to, state)
 
     def describe(self: Any, state: State, *, of: str, relative_to: str) -> dict[str, Any]:
         """Return all read-outs of a pair of frames.

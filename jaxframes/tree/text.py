@@ -7,6 +7,7 @@ import numpy as np
 
 from jaxframes.errors import TopologyError
 from jaxframes.tree.state import State
+from jaxframes.tree.ways import along_path
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ def explain(tree: Any, of: str, relative_to: str, state: State | None) -> str:
     path = path_in_state(tree, state, of, relative_to)
     up = [name for name, direction in path if direction < 0]
     meet = tree.parent(up[-1], state) if up else relative_to
-    head = f"{relative_to} -> {of}: {len(path)} edges through their common ancestor {meet!r}, composed one after another (unrolled)"
+    head = f"{relative_to} -> {of}: {len(path)} edges through their common ancestor {meet!r}, {along_path(len(path))}"
     rows = []
     for name, direction in path:
         edge = tree.edge(name)
