@@ -109,7 +109,8 @@ def test_consumers_leave_the_program_small(name, kind):
     bare = functools.partial(alone, name)
     own = compiled_shape(jax.vmap(bare if kind == "value" else gradient(bare)), parts)[1]
     assert size <= LARGEST
-    assert flops <= 1.5 * (baseline(kind) + own), f"{flops / baseline(kind):.2f} times the plain query"
+    values = baseline("value") if kind == "gradient" else 0.0  # consumers that are not linear need the poses too
+    assert flops <= 1.5 * (baseline(kind) + values + own), f"{flops / baseline(kind):.2f} times the plain query"
 
 
 @pytest.mark.parametrize("name", ["concatenate", "block", "fft"])
