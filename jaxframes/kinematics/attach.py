@@ -1,18 +1,15 @@
 """Changing what an attachable frame hangs on: pure, with the new parent a number that may be traced."""
 
-import functools
 from dataclasses import replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 
+from jaxframes.kinematics.arrays import arrays_of, named
 from jaxframes.kinematics.attached import Islands, is_one_of, spoiled
 from jaxframes.kinematics.context import Context
-from jaxframes.numerics.boundary import assemble
 from jaxframes.numerics.components import renormalized
-from jaxframes.numerics.rigid import Rigid, relative
-from jaxframes.spatial import Motion, Rotation, SpatialAcceleration, SpatialVelocity, Transform
+from jaxframes.numerics.rigid import relative
 from jaxframes.tree.state import Attachments, State
 from jaxframes.tree.tree import FrameTree
 
@@ -42,18 +39,9 @@ def attach(tree: FrameTree, state: State, to: jax.Array, *, frame: int, keep: st
     seat, good = islands.motion_of_traced(aligned, candidates)
     here = islands.spoil(spoiled(relative(seat, islands.motion(frame), order), good, context.dtype), frame)
     # The pose is stored and later composed again: without this, norm errors of repeated attachments would feed on each other.
-    motion = _values(replace(here, rotation=renormalized(here.rotation)), shape, context.dtype)
+    motion = named(arrays_of(replace(here, rotation=renormalized(here.rotation)), shape, 2, context.dtype))
     fresh = jax.tree.map(lambda old, new: _put(old, row, new.astype(old.dtype), 1), held.motion, motion)
     return replace(state, attachments=Attachments(_put(held.parents, row, to, 0), fresh))
-
-
-def _values(motion: Rigid, shape: tuple[int, ...], dtype: Any) -> Motion:
-    array = functools.partial(assemble, shape=shape, dtype=dtype)
-    rotation, *vectors = (
-        array(tuple(part)) for part in (motion.rotation, motion.translation, motion.angular, motion.linear, motion.angular2, motion.linear2)
-    )
-    l, w, v, alpha, a = vectors
-    return Motion(Transform(Rotation(rotation), l), SpatialVelocity(w, v), SpatialAcceleration(alpha, a))
 
 
 def _put(values: jax.Array, row: int, new: jax.Array, trailing: int) -> jax.Array:

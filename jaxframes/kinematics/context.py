@@ -8,10 +8,11 @@ import numpy as np
 from jax import lax
 
 from jaxframes.errors import MissingInputError, NoAccelerationError, ShapeError
-from jaxframes.numerics.boundary import column, parameters, take_apart
-from jaxframes.numerics.components import V3, Component, Quat, mul
+from jaxframes.kinematics.arrays import motion_of
+from jaxframes.numerics.boundary import column, parameters
+from jaxframes.numerics.components import Component, mul
 from jaxframes.numerics.rigid import AT_REST, Rigid
-from jaxframes.numerics.steps import Step, append
+from jaxframes.numerics.steps import Step, append_all
 from jaxframes.spatial import Motion
 from jaxframes.tree.edges.base import Edge, Inputs
 from jaxframes.tree.edges.mimic import Mimic
@@ -89,12 +90,8 @@ class Context:
 
     def prescribed(self, rows: np.ndarray) -> Rigid:
         """Return several of the motions that the state holds for prescribed edges, components [*batch, n]."""
-        held = self._state.prescribed
-        leaves = (held.transform.rotation.wxyz, held.transform.translation, held.velocity.angular, held.velocity.linear)
-        leaves = (*leaves, held.acceleration.angular, held.acceleration.linear)[: 2 + 2 * self.order]
-        ranked = (self._ranked(leaf, 2) for leaf in leaves)
-        quat, *vectors = (take_apart(self._whole(picked(leaf, rows, -2), 1)) for leaf in ranked)
-        return Rigid(Quat(*quat), *(V3(*v) for v in vectors))
+        ranked = (self._ranked(leaf, 2) for leaf in self._leaves(self._state.prescribed))
+        return motion_of(self._whole(picked(leaf, rows, -2), 1) for leaf in ranked)
 
     def attachment(self, row: int) -> tuple[jax.Array, Rigid]:
         """Return the parent's index and the motion relative to it of an attachable frame, by its row in the state."""
@@ -106,6 +103,10 @@ class Context:
 
     def _held(self, held: Motion, row: int) -> Rigid:
         """Return one of the motions that a state holds, as far as the order asks."""
+        return motion_of(self._ranked(leaf[..., row, :], 1) for leaf in self._leaves(held))
+
+    def _leaves(self, held: Motion) -> tuple[jax.Array, ...]:
+        """Return the arrays of motions that a state holds, as far as the order asks."""
         leaves = (
             held.transform.rotation.wxyz,
             held.transform.translation,
@@ -114,9 +115,7 @@ class Context:
             held.acceleration.angular,
             held.acceleration.linear,
         )
-        needed = leaves[: 2 + 2 * self.order]
-        quat, *vectors = (take_apart(self._ranked(leaf[..., row, :], 1)) for leaf in needed)
-        return Rigid(Quat(*quat), *(V3(*v) for v in vectors))
+        return leaves[: 2 + 2 * self.order]
 
     def edge(self, frame: int) -> Edge:
         """Return the edge above a frame, float parameters in the common dtype."""
@@ -156,10 +155,7 @@ class Context:
         for i in range(count):
             one = tuple(scale if i == j else 0.0 for j in range(count))
             inputs = own._replace(qd=one, qdd=(0.0,) * count)
-            motion = AT_REST
-            for step in edge.steps(inputs, 1):
-                motion = append(motion, step, 1)
-            found.append((first + i, motion))
+            found.append((first + i, append_all(AT_REST, edge.steps(inputs, 1), 1)))
         return found
 
     def _driver(self, frame: int) -> tuple[int, Component]:

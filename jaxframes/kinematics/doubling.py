@@ -1,6 +1,7 @@
 """Pointer doubling over many links at once: each component an array over the links, so the program stays small."""
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +10,8 @@ import numpy as np
 from jaxframes.kinematics.context import Context
 from jaxframes.numerics.components import Component
 from jaxframes.numerics.rigid import AT_REST, Rigid, compose
+
+Many = TypeVar("Many")
 
 
 def place(
@@ -59,8 +62,8 @@ def _with_first(values: jax.Array, first: Any) -> jax.Array:
     return jnp.concatenate([jnp.full((*values.shape[:-1], 1), first, values.dtype), values], -1)
 
 
-def stacked(motions: list[Rigid], shape: tuple[int, ...], dtype: Any) -> Rigid:
-    """Return motions as one whose components are arrays [*shape, n]; a number that all of them share stays a number."""
+def stacked(motions: Sequence[Many], shape: tuple[int, ...], dtype: Any) -> Many:
+    """Return motions (or other structures of components) as one with components [*shape, n]; a number that all share stays a number."""
 
     def join(*parts: Component) -> Component:
         first = parts[0]

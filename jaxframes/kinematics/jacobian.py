@@ -7,7 +7,7 @@ from jaxframes.kinematics.context import Context
 from jaxframes.numerics.boundary import assemble
 from jaxframes.numerics.components import V3, ZERO, Quat, cross, quat_conj, quat_mul, rotate
 from jaxframes.numerics.rigid import AT_REST, Rigid
-from jaxframes.numerics.steps import append
+from jaxframes.numerics.steps import append_all
 
 
 def columns(context: Context, of: int, relative_to: int) -> tuple[dict[int, tuple[V3, V3]], Rigid]:
@@ -36,10 +36,7 @@ def columns(context: Context, of: int, relative_to: int) -> tuple[dict[int, tupl
 def _poses(context: Context, frames: tuple[int, ...]) -> list[Rigid]:
     poses = [AT_REST]
     for frame in frames:
-        motion = poses[-1]
-        for step in context.steps(frame):
-            motion = append(motion, step, 0)
-        poses.append(motion)
+        poses.append(append_all(poses[-1], context.steps(frame), 0))
     return poses
 
 

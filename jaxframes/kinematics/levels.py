@@ -14,11 +14,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.kinematics import plan
+from jaxframes.kinematics import doubling, plan
+from jaxframes.kinematics.arrays import Arrays, arrays_of, motion_of
 from jaxframes.kinematics.context import Context, picked
-from jaxframes.kinematics.walk import Arrays, arrays_of, motion_of
 from jaxframes.numerics.boundary import is_concrete
-from jaxframes.numerics.components import Component
 from jaxframes.numerics.extension import extend
 from jaxframes.numerics.rigid import AT_REST, Rigid, inverse
 from jaxframes.tree.edges.base import Edge, Inputs
@@ -36,9 +35,7 @@ def all_frames(context: Context, observer: int) -> Arrays:
     others = np.delete(np.arange(len(parents)), observer)
     row = np.full(len(parents) + 1, -1)
     row[others] = np.arange(len(others))
-    row[observer] = -1
-    hangs_on = row[parents[others]]
-    stages = plan.staged(hangs_on)
+    stages = plan.staged(row[parents[others]])
     local = _local(context, turned, [others[level.frames] for level in stages.levels])
     found = _gathered(_accumulated(context, local, stages), [level.frames for level in stages.levels])
     rest = arrays_of(AT_REST, (*context.shape, 1), context.order, context.dtype)
@@ -133,7 +130,7 @@ def _inputs(context: Context, frames: list[int]) -> Inputs:
     topology = context.topology
     if any(topology.sources[frame] >= 0 for frame in frames):
         each = [context.coordinates(frame) for frame in frames]
-        q, qd, qdd = jax.tree.map(lambda *parts: _stack(parts, context), *each)
+        q, qd, qdd = doubling.stacked(each, context.shape, context.dtype)
         return Inputs(q, qd, qdd, time, None, batch_rank)
     if topology.prescribed[frames[0]] >= 0:
         held = context.prescribed(np.array([topology.prescribed[frame] for frame in frames]))
@@ -142,12 +139,6 @@ def _inputs(context: Context, frames: list[int]) -> Inputs:
     q = tuple(context.gathered("q", places[:, 0] + i) for i in range(places[0, 1]))
     qd, qdd = (tuple(context.gathered(kind, places[:, 2] + i) for i in range(places[0, 3])) for kind in ("qd", "qdd"))
     return Inputs(q, qd, qdd, time, None, batch_rank)
-
-
-def _stack(parts: Sequence[Component], context: Context) -> Any:
-    if all(isinstance(p, (int, float)) and p == parts[0] for p in parts):
-        return parts[0]
-    return jnp.stack([jnp.broadcast_to(jnp.asarray(p, context.dtype), context.shape) for p in parts], axis=-1)
 
 
 def _rows(arrays: Arrays, rows: np.ndarray) -> Arrays:

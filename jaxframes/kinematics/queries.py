@@ -7,16 +7,17 @@ import jax
 import jax.numpy as jnp
 
 from jaxframes.kinematics import attached, levels
+from jaxframes.kinematics.arrays import arrays_of, named
 from jaxframes.kinematics.attach import attach, attachments_valid
 from jaxframes.kinematics.context import Context
 from jaxframes.kinematics.jacobian import jacobian
 from jaxframes.kinematics.light_time import apparent
 from jaxframes.kinematics.path import between
 from jaxframes.kinematics.rates import broadcast, rate
-from jaxframes.kinematics.walk import arrays_of, everything, outward
+from jaxframes.kinematics.walk import everything, outward
 from jaxframes.numerics.boundary import is_concrete
 from jaxframes.numerics.rigid import Rigid, express
-from jaxframes.spatial import Motion, Rotation, SpatialAcceleration, SpatialVelocity, Transform
+from jaxframes.spatial import Motion, Transform
 from jaxframes.tree.state import State
 from jaxframes.tree.tree import FrameTree
 
@@ -25,15 +26,7 @@ Value = TypeVar("Value")
 
 def as_motion(motion: Rigid, context: Context) -> Motion:
     """Return components as the values that users hold; velocity and acceleration are None beyond the order computed."""
-    return _named(arrays_of(motion, context.shape, context.order, context.dtype))
-
-
-def _named(parts: tuple[jax.Array, ...]) -> Motion:
-    """Return two, four or six arrays as a motion; what is not there is None."""
-    transform = Transform(Rotation(parts[0]), parts[1])
-    velocity = SpatialVelocity(parts[2], parts[3]) if len(parts) > 2 else None
-    acceleration = SpatialAcceleration(parts[4], parts[5]) if len(parts) > 4 else None
-    return Motion(transform, velocity, acceleration)  # pyright: ignore[reportArgumentType]
+    return named(arrays_of(motion, context.shape, context.order, context.dtype))
 
 
 def _between(tree: FrameTree, state: State, of: int, relative_to: int, expressed_in: int, order: int) -> Motion:
@@ -48,14 +41,14 @@ def _between(tree: FrameTree, state: State, of: int, relative_to: int, expressed
 def _all_frames(tree: FrameTree, state: State, relative_to: int, order: int) -> Motion:
     context = Context(tree, state, order)
     if levels.applies(context):
-        return _named(levels.all_frames(context, relative_to))
+        return named(levels.all_frames(context, relative_to))
     if tree.topology.attachables:
         found = attached.all_frames(context, relative_to)
         arrays = [arrays_of(found[frame], context.shape, context.order, context.dtype) for frame in range(len(tree.names))]
     else:
         done = everything(context, relative_to)
         arrays = [done[frame] for frame in range(len(tree.names))]
-    return _named(tuple(jnp.stack(parts, axis=-2) for parts in zip(*arrays, strict=True)))
+    return named(tuple(jnp.stack(parts, axis=-2) for parts in zip(*arrays, strict=True)))
 
 
 def _pairs(tree: FrameTree, state: State, of: tuple[int, ...], relative_to: tuple[int, ...]) -> Transform:

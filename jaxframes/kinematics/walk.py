@@ -1,35 +1,16 @@
 """Over all frames: the motion of every frame relative to one, each edge used once, outward from the observer."""
 
 from collections.abc import Callable
-from typing import Any
 
-import jax
-
+from jaxframes.kinematics.arrays import Arrays, arrays_of, motion_of
 from jaxframes.kinematics.context import Context
-from jaxframes.numerics.boundary import assemble, take_apart
-from jaxframes.numerics.components import V3, Quat
-from jaxframes.numerics.extension import extend, parts_of
+from jaxframes.numerics.extension import extend
 from jaxframes.numerics.rigid import AT_REST, Rigid, compose, inverse
 
 
 def edge_motion(context: Context, frame: int) -> Rigid:
     """Return the motion of a frame relative to its parent."""
     return extend(AT_REST, context.steps(frame), context.order)
-
-
-Arrays = tuple[jax.Array, ...]
-"""The parts of a motion as arrays [..., 4 or 3]: pose, then velocity, then acceleration, as far as the order goes."""
-
-
-def arrays_of(motion: Rigid, shape: tuple[int, ...], order: int, dtype: Any) -> Arrays:
-    """Return the parts of a motion that an order asks for as fenced arrays [*shape, k]."""
-    return tuple(assemble(tuple(part), shape, dtype) for part in parts_of(motion, order))
-
-
-def motion_of(arrays: Arrays) -> Rigid:
-    """Return a motion from its parts as arrays."""
-    quat, *vectors = (take_apart(array) for array in arrays)
-    return Rigid(Quat(*quat), *(V3(*v) for v in vectors))
 
 
 def everything(context: Context, observer: int) -> dict[int, Arrays]:

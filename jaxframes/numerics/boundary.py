@@ -83,9 +83,7 @@ def take_apart(array: jax.Array) -> tuple[jax.Array, ...]:
 @take_apart.defjvp
 def _take_apart_jvp(primals: tuple[jax.Array], tangents: tuple[jax.Array]) -> tuple[tuple[jax.Array, ...], tuple[jax.Array, ...]]:
     (array,), (tangent,) = primals, tangents
-    index = lax.broadcasted_iota(jnp.int32, array.shape, array.ndim - 1)
-    picked = tuple(jnp.sum(jnp.where(index == i, tangent, jnp.zeros_like(tangent)), -1) for i in range(array.shape[-1]))
-    return take_apart(array), picked
+    return take_apart(array), tuple(_selected(tangent, i) for i in range(array.shape[-1]))
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
@@ -97,8 +95,13 @@ def column(array: jax.Array, index: int) -> jax.Array:
 @column.defjvp
 def _column_jvp(index: int, primals: tuple[jax.Array], tangents: tuple[jax.Array]) -> tuple[jax.Array, jax.Array]:
     (array,), (tangent,) = primals, tangents
+    return column(array, index), _selected(tangent, index)
+
+
+def _selected(array: jax.Array, index: int) -> jax.Array:
+    """Return one component by a select and a sum: the transpose is a select again."""
     here = lax.broadcasted_iota(jnp.int32, array.shape, array.ndim - 1) == index
-    return column(array, index), jnp.sum(jnp.where(here, tangent, jnp.zeros_like(tangent)), -1)
+    return jnp.sum(jnp.where(here, array, jnp.zeros_like(array)), -1)
 
 
 def is_concrete(array: Any) -> bool:

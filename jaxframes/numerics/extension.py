@@ -20,7 +20,7 @@ from jax.custom_derivatives import SymbolicZero
 from jaxframes.numerics.boundary import assemble, take_apart
 from jaxframes.numerics.components import V3, ZERO, Component, Quat, cross, mul, quat_conj, quat_from, quat_mul, rotate
 from jaxframes.numerics.rigid import Rigid, compose
-from jaxframes.numerics.steps import Slide, Step, Turn, append
+from jaxframes.numerics.steps import Slide, Step, Turn, append, append_all
 from jaxframes.numerics.trig import sin_cos_all
 
 LONGEST = {0: 20, 1: 14, 2: 10}
@@ -138,26 +138,20 @@ class _Template:
         rest = iter(arrays)
         return jax.tree.unflatten(self.structure, [next(rest) if value is None else value for value in self.known])
 
-    def fill_changes(self, changes: Iterable[Component]) -> tuple[Rigid, tuple[Step, ...]]:
-        """Return the changes of motion and steps; what is known does not change."""
-        rest = iter(changes)
-        return jax.tree.unflatten(self.structure, [next(rest) if value is None else 0.0 for value in self.known])
+    @property
+    def of_changes(self) -> "_Template":
+        """The template of the changes of motion and steps: what is known does not change."""
+        return replace(self, known=tuple(None if value is None else 0.0 for value in self.known))
 
 
 def _piece(motion: Rigid, steps: tuple[Step, ...], order: int) -> Rigid:
     leaves, structure = jax.tree.flatten((motion, steps))
     arrays = tuple(leaf for leaf in leaves if isinstance(leaf, jax.Array))
     if not arrays:
-        return _extended(motion, steps, order)
+        return append_all(motion, steps, order)
     known = tuple(None if isinstance(leaf, jax.Array) else float(leaf) for leaf in leaves)
     quat, *vectors = _outcome(_Template(structure, known, tuple(type(step).__name__ for step in steps), order), arrays)
     return Rigid(Quat(*quat), *(V3(*v) for v in vectors))
-
-
-def _extended(motion: Rigid, steps: Sequence[Step], order: int) -> Rigid:
-    for step in steps:
-        motion = append(motion, step, order)
-    return motion
 
 
 Outcome = tuple[tuple[jax.Array, ...], ...]
@@ -166,7 +160,7 @@ Outcome = tuple[tuple[jax.Array, ...], ...]
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
 def _outcome(template: _Template, arrays: tuple[jax.Array, ...]) -> Outcome:
     """Return the components of the parts of the extended motion, all of one shape."""
-    return _as_arrays(_extended(*template.fill(arrays), template.order), template, arrays)
+    return _as_arrays(append_all(*template.fill(arrays), template.order), template, arrays)
 
 
 def _as_arrays(motion: Rigid, template: _Template, arrays: Sequence[jax.Array]) -> Outcome:
@@ -179,7 +173,7 @@ def _outcome_jvp(template: _Template, primals: Any, tangents: Any) -> tuple[Outc
     (arrays,), (rates,) = primals, tangents
     changes = [0.0 if isinstance(rate, SymbolicZero) else rate for rate in rates]
     motion, steps = template.fill(arrays)
-    dmotion, dsteps = template.fill_changes(changes)
+    dmotion, dsteps = template.of_changes.fill(changes)
     change = _first_change(motion, dmotion)
     for step, dstep in zip(steps, dsteps, strict=True):
         change = _next_change(motion, change, step, dstep, template.order)

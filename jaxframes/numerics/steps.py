@@ -4,6 +4,7 @@ An edge family lowers itself to a few steps: a joint to turns and slides about f
 given outright. What follows (composition, derivatives, walking by path or by level) knows steps only.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -102,3 +103,10 @@ def append(motion: Rigid, step: Step, order: int) -> Rigid:
     angular2 = motion.angular2 + spin2 + cross(w, spin)
     linear2 = motion.linear2 + slip2 + cross(motion.angular2, r) + cross(w, whirl + slip * 2.0)
     return Rigid(rotation, motion.translation + r, *velocity, angular2, linear2)
+
+
+def append_all(motion: Rigid, steps: Iterable[Step], order: int) -> Rigid:
+    """Return a motion extended by steps one after the other, in plain arithmetic (``extension.extend`` has the better derivatives)."""
+    for step in steps:
+        motion = append(motion, step, order)
+    return motion

@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxframes.errors import MissingInputError
 from jaxframes.numerics.boundary import assemble, take_apart
-from jaxframes.numerics.components import V3, Component, Quat, cross, quat_mul, rotate
+from jaxframes.numerics.components import V3, Component, Quat, cross, dot, quat_mul, rotate
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
 from jaxframes.numerics.trig import sin_cos
@@ -209,15 +209,11 @@ def _cayley(g: V3, rate: V3, rate2: V3, reference: Quat, spin: V3) -> list[Any]:
     With p = (1, g): w_g = 2 vec(p' p*) / |p|^2, alpha_g = 2 vec(p'' p*) / |p|^2 - 2 w_g (p . p') / |p|^2; the reference adds R_g spin and
     w_g x R_g spin.
     """
-    square = _dot(g, g) + 1.0
+    square = dot(g, g) + 1.0
     inverse = 1 / square
     root = jnp.sqrt(inverse)
     turn = Quat(root, *(g * root))
     own = (rate + cross(g, rate)) * (2 * inverse)
-    own2 = (rate2 + cross(g, rate2)) * (2 * inverse) - own * (2 * _dot(g, rate) * inverse)
+    own2 = (rate2 + cross(g, rate2)) * (2 * inverse) - own * (2 * dot(g, rate) * inverse)
     carried = rotate(turn, spin)
     return [quat_mul(turn, reference), own + carried, own2 + cross(own, carried)]
-
-
-def _dot(a: V3, b: V3) -> Any:
-    return sum((x * y for x, y in zip(a, b, strict=True)), start=0.0)

@@ -1,6 +1,5 @@
 """What a table file holds, without loading its tables."""
 
-import io
 import os
 import zipfile
 from dataclasses import dataclass
@@ -8,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxframes.errors import FrameError, TableError
 from jaxframes.spice.info import Info
-from jaxframes.spice.store import read_checked, read_metadata
+from jaxframes.spice.store import opened
 
 
 @dataclass(frozen=True)
@@ -40,24 +38,14 @@ def contents(path: str | os.PathLike[str]) -> dict[str, Entry]:
     Raises:
         TableError: If the file is missing, is no table file, is truncated or altered, or has an unknown schema.
     """
-    target = Path(path)
-    content = read_checked(target)
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            tables = read_metadata(target, archive)["tables"]
-            found = {}
-            for number, (name, entry) in enumerate(tables.items()):
-                shapes = {file: _shape(archive, file) for file in archive.namelist() if file.startswith(f"table{number}/")}
-                records = tuple(shapes[leg["arrays"]["rows"]][0] for leg in entry.get("legs", ()))
-                size = sum(8 * int(np.prod(shape)) for shape in shapes.values())
-                found[name] = Entry(Info.from_json(entry["info"]), records, size)
-            return found
-    except FrameError:
-        raise
-    except Exception as error:
-        raise TableError(
-            f"{target} does not hold what its schema says ({type(error).__name__}: {error}). Make the tables again."
-        ) from error
+    found = {}
+    with opened(Path(path)) as (archive, entries):
+        for number, (name, entry) in enumerate(entries.items()):
+            shapes = {file: _shape(archive, file) for file in archive.namelist() if file.startswith(f"table{number}/")}
+            records = tuple(shapes[leg["arrays"]["rows"]][0] for leg in entry.get("legs", ()))
+            size = sum(8 * int(np.prod(shape)) for shape in shapes.values())
+            found[name] = Entry(Info.from_json(entry["info"]), records, size)
+    return found
 
 
 def _shape(archive: zipfile.ZipFile, file: str) -> tuple[int, ...]:

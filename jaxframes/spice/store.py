@@ -11,7 +11,7 @@ import json
 import os
 import tempfile
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -95,12 +95,22 @@ def load(path: str | os.PathLike[str]) -> dict[str, Any]:
     Raises:
         TableError: If the file is missing, is no table file, is truncated or altered, or has an unknown schema.
     """
-    target = Path(path)
-    content = read_checked(target)
+    with opened(Path(path)) as (archive, entries):
+        return {name: _table(archive, name, entry) for name, entry in entries.items()}
+
+
+@contextlib.contextmanager
+def opened(target: Path) -> Iterator[tuple[zipfile.ZipFile, dict[str, Any]]]:
+    """Open a table file for reading: its archive, and what its metadata say of each table.
+
+    Raises:
+        TableError: If the file is missing, is no table file, is truncated or altered, has an unknown schema, or what is read from it
+            is not what that schema says.
+    """
+    content = _read_checked(target)
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            metadata = read_metadata(target, archive)
-            return {name: _table(archive, name, entry) for name, entry in metadata["tables"].items()}
+            yield archive, _read_metadata(target, archive)["tables"]
     except FrameError:
         raise
     except Exception as error:
@@ -109,7 +119,7 @@ def load(path: str | os.PathLike[str]) -> dict[str, Any]:
         ) from error
 
 
-def read_checked(target: Path) -> bytes:
+def _read_checked(target: Path) -> bytes:
     """Return the bytes of a table file, its checksum compared.
 
     Raises:
@@ -125,7 +135,7 @@ def read_checked(target: Path) -> bytes:
     return content
 
 
-def read_metadata(target: Path, archive: zipfile.ZipFile) -> dict[str, Any]:
+def _read_metadata(target: Path, archive: zipfile.ZipFile) -> dict[str, Any]:
     """Return the JSON part of a table file.
 
     Raises:
