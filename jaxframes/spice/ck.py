@@ -1,5 +1,6 @@
 """C-kernel segments of types 1 to 3 on the host: as intervals in each of which the attitude turns about one axis."""
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -193,24 +194,27 @@ def layered(runs: Sequence[tuple[CkSegment, Intervals]], low: float, high: float
     parts: list[Intervals] = []
     used: list[CkSegment] = []
     for segment, intervals in reversed(runs):
+        # Few of the spans that are still free touch a segment: there may be thousands of both.
+        i = bisect_right(free, segment.begin, key=lambda span: span[1])
+        j = bisect_left(free, segment.end, lo=i, key=lambda span: span[0])
         left: list[tuple[float, float]] = []
         before = len(parts)
-        for a, b in free:
+        for a, b in free[i:j]:
             a1, b1 = max(a, segment.begin), min(b, segment.end)
-            which = np.flatnonzero((intervals.stop > a1) & (intervals.start < b1))
-            if not len(which):
+            first, last = np.searchsorted(intervals.stop, a1, "right"), np.searchsorted(intervals.start, b1, "left")
+            if first >= last:
                 left.append((a, b))
                 continue
-            chosen = intervals.take(which)
+            chosen = intervals.take(np.arange(first, last))
             if chosen.start[0] < a1 or chosen.stop[-1] > b1:
-                chosen = chosen.cut(np.full(len(which), a1), np.full(len(which), b1))
+                chosen = chosen.cut(np.full(last - first, a1), np.full(last - first, b1))
             parts.append(chosen)
             at = a
             for c, d in chosen.stretches():
                 left += [(at, c)] if c > at else []
                 at = d
             left += [(at, b)] if b > at else []
-        free = left
+        free[i:j] = left
         if len(parts) > before:
             used.append(segment)
     return (Intervals.joined(parts) if parts else None), used[::-1]

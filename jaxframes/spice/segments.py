@@ -1,6 +1,7 @@
 """Segments of binary kernels on the host: which one serves which part of a span, and reading the records that cover it."""
 
 import math
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
@@ -138,18 +139,21 @@ def select(segments: Iterable[Segment], start: Fraction, stop: Fraction) -> tupl
     for segment in reversed(list(segments)):
         begin, end = Fraction(segment.begin), Fraction(segment.end)
         left: list[tuple[Fraction, Fraction]] = []
-        for a, b in gaps:
+        # Few of the gaps touch a segment: there may be thousands of both.
+        i = bisect_left(gaps, begin, key=lambda gap: gap[1])
+        j = bisect_right(gaps, end, lo=i, key=lambda gap: gap[0])
+        for a, b in gaps[i:j]:
             low, high = max(a, begin), min(b, end)
-            if low > high or (low == high and a < b):
+            if low == high and a < b:
                 left.append((a, b))
                 continue
             pieces.append(Piece(segment, low, high))
             left += [(a, low)] if a < low else []
             left += [(high, b)] if high < b else []
-        gaps = left
+        gaps[i:j] = left
         if not gaps:
             break
-    return sorted(pieces, key=lambda piece: piece.start), sorted(gaps)
+    return sorted(pieces, key=lambda piece: piece.start), gaps
 
 
 def coverage(segments: Iterable[Segment]) -> list[tuple[Fraction, Fraction]]:

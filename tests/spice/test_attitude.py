@@ -1,5 +1,7 @@
 """Attitudes of C-kernels written here, whose truth is known: against live CSPICE and against the truth; gaps, precedence, clocks."""
 
+import time
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,6 +9,7 @@ import pytest
 
 import jaxframes as jf
 from jaxframes import errors
+from jaxframes.spice import ck
 from jaxframes.spice import quaternions as quat
 from tests.spice import orbits
 
@@ -177,6 +180,21 @@ def test_later_segments_win_and_gaps_fall_through(cspice, tmp_path, rng):
     assert largest(got[1] - reference[1]) < 1e-9
     assert len(edge.info.segments) == 2
     assert "gap" not in edge.report()
+
+
+def test_thousands_of_segments_with_gaps_take_no_longer_each():
+    def run(begin, end):
+        one, nothing = np.ones(1), np.zeros((1, 3))
+        segment = ck.CkSegment("x.bc", 1, -77000, 1, 3, True, begin, end, 1, 2, "ONE")
+        return segment, ck.Intervals(begin * one, end * one, np.array([[1.0, 0, 0, 0]]), nothing, nothing, nothing)
+
+    runs = [run(100.0 * i, 100.0 * i + 60.0) for i in range(5000)]
+    started = time.perf_counter()
+    intervals, used = ck.layered([*runs, run(120.0, 130.0)], -np.inf, np.inf)
+    assert time.perf_counter() - started < 10.0
+    assert intervals.start[:4].tolist() == [0.0, 100.0, 120.0, 130.0]
+    assert intervals.stop[:4].tolist() == [60.0, 120.0, 130.0, 160.0]
+    assert len(used) == 5001
 
 
 @pytest.mark.float64
