@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Any
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.errors import CoverageError, NoPathError
+from jaxframes.errors import CoverageError
 from jaxframes.numerics.boundary import default_float
 from jaxframes.spice import build
 from jaxframes.spice import quaternions as quat
 from jaxframes.spice.attitude import CayleyTable
-from jaxframes.spice.ck import segments_of
-from jaxframes.spice.clock import clock_of
+from jaxframes.spice.classes import PCK, SWITCH, anchored
 from jaxframes.spice.fit import slopes, spread, wanted
 from jaxframes.spice.knots import GRACE
+from jaxframes.spice.process import CspiceError
+from jaxframes.spice.reach import SHRINK, Span, reach
 from jaxframes.spice.search import DEGREES, Choice, Part, search
 from jaxframes.spice.times import exact_seconds, reference_day, span_text, two_parts
 
@@ -24,10 +25,9 @@ if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
     from jaxframes.spice.orient import Request
 
-PCK, CK, SWITCH = 2, 3, 6
+NO_ANSWER = ("SPICE(NOFRAMECONNECT)", "SPICE(FRAMEDATANOTFOUND)", "SPICE(SPKINSUFFDATA)")
 NODES = 19  # odd: one lies in the middle of the record
 PROBES = 513  # epochs at which it is asked where there are data at all
-SHRINK = Fraction(1, 10**6)  # seconds off both ends of a C-kernel's windows, which CSPICE rounds
 TOUCHING = 3 * GRACE  # stretches closer than this have no gap between them
 SLOPES = 300
 
@@ -129,7 +129,12 @@ def orientation(kernels: "Kernels", request: "Request") -> CayleyTable:
     parts, unit = _parts(kernels, of, stretches)
     model = TurnModel(kernels, of["name"], base["name"])
     aim = f"{of['name']} relative to {base['name']} over {span_text(*bounds)}"
-    found = search(model, parts, unit, limits, None, request.layout, aim)
+    try:
+        found = search(model, parts, unit, limits, None, request.layout, aim)
+    except CspiceError as error:
+        if error.short not in NO_ANSWER:
+            raise
+        raise CoverageError(f"CSPICE has no orientation of {aim}, at some instants at least: {error} Leave those out.") from error
     gaps = [(a[1], b[0]) for a, b in pairwise(stretches) if b[0] - a[1] > TOUCHING]
     leg, spins = _leg(found, reference_day(bounds[0]))
     measured = (("angle error, rad", found.worst[0]), ("rate error, rad/s", found.worst[1]), model.acceleration(found))
@@ -172,63 +177,39 @@ def _leg(found: Choice, reference: int) -> tuple[build.HostLeg, np.ndarray]:
     return build.HostLeg({"rows": np.concatenate(row_parts), **index}, 3, compares), np.concatenate(spin_parts)
 
 
-def _stretches(kernels: "Kernels", request: "Request") -> tuple[list[tuple[Fraction, Fraction]], list[Path]]:
+def _stretches(kernels: "Kernels", request: "Request") -> tuple[list[Span], list[Path]]:
     """Return the stretches within the span where CSPICE has an answer, cut where a frame switches, and the files that hold the data."""
-    of = request.of
+    of, base = request.of, request.base
     low = exact_seconds(request.start, "start") if request.start is not None else None
     high = exact_seconds(request.stop, "stop") if request.stop is not None else None
-    windows: list[tuple[Fraction, Fraction]] = []
-    files: list[Path] = []
-    inertial = False
-    if of["class"] == CK:
-        clock_of(kernels, of["class_id"])  # says which kernel is missing
-        names = dict.fromkeys(s.path for s in segments_of(kernels, of["class_id"]))
-        if not names:
-            raise NoPathError(
-                f"No C-kernel segment for {of['name']} (CK id {of['class_id']}) is loaded: load the C-kernel (.bc) of this frame."
-            )
-        for path in names:
-            found = kernels._process.call("ck_windows", path, of["class_id"], doing=f"reading the coverage of {Path(path).name}")
-            windows += [(Fraction(a) + SHRINK, Fraction(b) - SHRINK) for a, b in found]
-            files.append(Path(path))
-        windows = _merged(windows)
-        inertial = all(base is not None and base["class"] == 1 for base in _bases(kernels, of))
-    elif of["class"] == PCK:
-        inertial = True
-        files += [Path(s.path) for s in kernels._segments if s.kind == "PCK" and s.body == of["class_id"]]
-    if of["class"] != CK and (low is None or high is None):
-        raise CoverageError(f"{of['name']} has no coverage of its own: give start= and stop=.")
     if low is not None and high is not None and low >= high:
         raise CoverageError(f"start lies at or after stop: {span_text(low, high)}. A table needs a span of time.")
-    if windows:
-        windows = [(a if low is None else max(a, low), b if high is None else min(b, high)) for a, b in windows]
-    else:
-        assert low is not None
-        assert high is not None
-        windows = [(low, high)] if of["class"] != CK else []
+    found = reach(kernels, of).both(reach(kernels, base))
+    spans = found.spans
+    if spans is None:
+        if low is None or high is None:
+            raise CoverageError(f"{of['name']} has no coverage of its own: give start= and stop=.")
+        spans = [(low, high)]
+    spans = [(a if low is None else max(a, low), b if high is None else min(b, high)) for a, b in spans]
     cuts = _switches(kernels, of) if of["class"] == SWITCH else []
-    out: list[tuple[Fraction, Fraction]] = []
-    each = max(PROBES // max(len(windows), 1), 9)
-    for a, b in windows:
+    out: list[Span] = []
+    each = max(PROBES // len(spans), 9)
+    for a, b in spans:
         if b - a > 4 * SHRINK:
             edges = [a, *(c for c in cuts if a < c < b), b]
             for c, d in pairwise(edges):
                 # A switch happens between two doubles: leave the instant itself to the stretch that it starts.
                 out += _valid(kernels, request, c, d - (SHRINK if d != b else 0), each)
     if not out:
-        raise CoverageError(f"CSPICE has no orientation of {of['name']} relative to {request.base['name']} anywhere in the span asked for.")
-    if not inertial:  # CSPICE follows the chain: what it read of the files loaded is not known
-        files = [Path(path) for path in kernels._process.call("binary_files", doing="listing the kernels")]
-    return out, files
+        have = "".join(f"\n  data:    {span_text(*span)}" for span in (found.spans or [])[:5])
+        raise CoverageError(f"CSPICE has no orientation of {of['name']} relative to {base['name']} anywhere in the span asked for.{have}")
+    if found.whole:
+        return out, list(found.files)
+    # CSPICE follows the chain: what it read of the files loaded is not known.
+    return out, [Path(path) for path in kernels._process.call("binary_files", doing="listing the kernels")]
 
 
-def _bases(kernels: "Kernels", of: dict[str, Any]) -> list[dict[str, Any] | None]:
-    """Return the frames that a CK frame's segments are relative to."""
-    frames = {s.frame for s in segments_of(kernels, of["class_id"])}
-    return [kernels._process.call("frame", str(frame), doing=f"looking up frame {frame}") for frame in sorted(frames)]
-
-
-def _valid(kernels: "Kernels", request: "Request", start: Fraction, stop: Fraction, count: int) -> list[tuple[Fraction, Fraction]]:
+def _valid(kernels: "Kernels", request: "Request", start: Fraction, stop: Fraction, count: int) -> list[Span]:
     """Return the stretches between two instants where CSPICE has an answer, found by probing and halving."""
 
     def there(times: np.ndarray) -> np.ndarray:
@@ -263,19 +244,10 @@ def _switches(kernels: "Kernels", of: dict[str, Any]) -> list[Fraction]:
     return sorted({Fraction(x) for x in found})
 
 
-def _merged(windows: list[tuple[Fraction, Fraction]]) -> list[tuple[Fraction, Fraction]]:
-    out: list[tuple[Fraction, Fraction]] = []
-    for a, b in sorted(windows):
-        if out and a <= out[-1][1] + 2 * SHRINK:
-            out[-1] = (out[-1][0], max(b, out[-1][1]))
-        else:
-            out.append((a, b))
-    return out
-
-
-def _parts(kernels: "Kernels", of: dict[str, Any], stretches: list[tuple[Fraction, Fraction]]) -> tuple[list[Part], Fraction]:
+def _parts(kernels: "Kernels", of: dict[str, Any], stretches: list[Span]) -> tuple[list[Part], Fraction]:
     """Return the parts to fit, laid on the records of a binary PCK where one orients the frame, and the record length to start from."""
-    own = [s for s in kernels._segments if s.kind == "PCK" and s.body == of["class_id"]] if of["class"] == PCK else []
+    axes = anchored(kernels, of).axes
+    own = [s for s in kernels._segments if s.kind == "PCK" and s.body == axes["class_id"]] if axes["class"] == PCK else []
     cuts = sorted({Fraction(x) for s in own for x in (s.begin, s.end)})
     edges = [[a, *(c for c in cuts if a < c < b), b] for a, b in stretches]
     pairs = [(a, b) for run in edges for a, b in pairwise(run)]

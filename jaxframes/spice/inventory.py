@@ -9,7 +9,8 @@ from typing import Any
 from jaxframes.errors import CoverageError, NoPathError, UnknownBodyError, suggest
 from jaxframes.spatial.calendar import tdb_text
 from jaxframes.spatial.utc import LeapSeconds
-from jaxframes.spice import orient
+from jaxframes.spice import classes
+from jaxframes.spice.clock import clock_of
 from jaxframes.spice.iau_read import has_text_pck
 from jaxframes.spice.leap import read_leap_seconds
 from jaxframes.spice.paths import Walk
@@ -77,18 +78,18 @@ class Inventory:
         """
         rows = []
         for frame in self._process.call("all_frames", doing="listing frames"):
-            if frame["class"] == orient.INERTIAL or not self._has_data(frame):
+            if frame["class"] == classes.INERTIAL or not self._has_data(frame):
                 continue
-            rows.append((frame["id"], frame["name"], orient.CLASSES.get(frame["class"], "?"), self._name(frame["center"])))
+            rows.append((frame["id"], frame["name"], classes.CLASSES.get(frame["class"], "?"), self._name(frame["center"])))
         return Listing(("id", "frame", "class", "center"), tuple(sorted(rows)))
 
     def _has_data(self: Any, frame: dict[str, Any]) -> bool:
         """Whether data for a frame are loaded, as far as that is said without looking at instants."""
-        if frame["class"] == orient.PCK:
+        if frame["class"] == classes.PCK:
             binary = any(s.kind == "PCK" and s.body == frame["class_id"] for s in self._segments)
             return binary or has_text_pck(self, frame["class_id"])
         try:
-            orient.anchored(self, frame)
+            classes.anchored(self, frame)
         except NoPathError:
             return False
         return True
@@ -97,11 +98,12 @@ class Inventory:
         """Return the spans that the kernels cover a body or a frame in, like NAIF's ``brief``: id, name, start, stop, file.
 
         Args:
-            of: Body by name or id, or frame by name.
+            of: Body by name or id, or frame by name; a name that is both is the body's if there are positions of it.
 
         Raises:
             UnknownBodyError: If it is neither.
             CoverageError: If the kernels hold no data of it.
+            MissingKernelError: If the kernel of the clock that its C-kernels count in is not loaded.
         """
         columns = ("id", "name", "start", "stop", "file")
         body = self._process.call("body", str(of), doing=f"looking up {of!r}") if str(of).upper() != "SSB" else 0
@@ -109,12 +111,11 @@ class Inventory:
         if body is None and axes is None:
             names = [*self._process.call("frame_names", doing="listing frames"), *(row[1] for row in self.bodies())]
             raise UnknownBodyError(f"{of!r} is neither a body nor a frame known to the kernels loaded.{suggest(str(of).upper(), names)}")
-        if body is not None:
-            rows = self._spans("SPK", int(body), int(body), self._name(int(body)))
-            if not rows:
-                raise CoverageError(f"No SPK segment of {self._name(int(body))} ({body}) is loaded; kernels.bodies() lists those that are.")
+        if body is not None and (rows := self._spans("SPK", int(body), int(body), self._name(int(body)))):
             return Listing(columns, tuple(rows))
-        return Listing(columns, tuple(self._frame_spans(axes)))
+        if axes is not None:  # spacecraft and instruments often have a frame of their own name
+            return Listing(columns, tuple(self._frame_spans(axes)))
+        raise CoverageError(f"No SPK segment of {self._name(int(body or 0))} ({body}) is loaded; kernels.bodies() lists those that are.")
 
     def _spans(self: Any, kind: str, key: int, number: int, name: str) -> list[tuple[Any, ...]]:
         own = [s for s in self._segments if (s.kind, s.body) == (kind, key)]
@@ -123,27 +124,30 @@ class Inventory:
 
     def _frame_spans(self: Any, axes: dict[str, Any]) -> list[tuple[Any, ...]]:
         number, name = axes["id"], axes["name"]
-        anchor = orient.anchored(self, axes).axes
-        if anchor["class"] == orient.INERTIAL:
-            return [(number, name, None, None, "built in" if axes["class"] == orient.INERTIAL else "fixed offset")]
-        if anchor["class"] == orient.PCK:
+        anchor = classes.anchored(self, axes).axes
+        if anchor["class"] == classes.INERTIAL:
+            return [(number, name, None, None, "built in" if axes["class"] == classes.INERTIAL else "fixed offset")]
+        if anchor["class"] == classes.PCK:
             rows = self._spans("PCK", anchor["class_id"], number, name)
             if has_text_pck(self, anchor["class_id"]):
                 rows.append((number, name, None, None, "text PCK"))
             if rows:
                 return rows
-        if anchor["class"] == orient.CK:
+        if anchor["class"] == classes.CK:
             rows = []
             segments = self._process.call("ck_segments", doing="listing the segments of the C-kernels")
-            for path in dict.fromkeys(s["path"] for s in segments if s["instrument"] == anchor["class_id"]):
-                windows = self._process.call("ck_windows", path, anchor["class_id"], doing=f"reading the coverage of {path}")
+            paths = dict.fromkeys(s["path"] for s in segments if s["instrument"] == anchor["class_id"])
+            if paths:
+                clock_of(self, anchor["class_id"])  # says which kernel is missing
+            for path in paths:
+                windows = self._process.call("ck_windows", path, anchor["class_id"], False, doing=f"reading the coverage of {path}")
                 rows += [(number, name, Fraction(a), Fraction(b), Path(path).name) for a, b in windows]
             if rows:
                 return rows
-        if anchor["class"] in (orient.DYNAMIC, orient.SWITCH):
-            return [(number, name, None, None, f"{orient.CLASSES[anchor['class']]}: where what defines it has data")]
+        if anchor["class"] in (classes.DYNAMIC, classes.SWITCH):
+            return [(number, name, None, None, f"{classes.CLASSES[anchor['class']]}: where what defines it has data")]
         raise CoverageError(
-            f"No kernel loaded orients {name} (class {orient.CLASSES.get(axes['class'], '?')}); kernels.frames() lists those that are."
+            f"No kernel loaded orients {name} (class {classes.CLASSES.get(axes['class'], '?')}); kernels.frames() lists those that are."
         )
 
     def leap_seconds(self: Any) -> LeapSeconds:
@@ -216,7 +220,7 @@ class KernelSource:
         """Take open kernels, the span that edges shall cover, and what the classes of frames ask for."""
         self._kernels, self._start, self._stop = kernels, start, stop
         knots, fit = {"ck": ck, "bridge": bridge}, {"tolerance": tolerance}
-        self._options = {orient.CK: knots, orient.DYNAMIC: fit, orient.SWITCH: fit}
+        self._options = {classes.CK: knots, classes.DYNAMIC: fit, classes.SWITCH: fit}
 
     def body(self, body: str | int) -> tuple[int, str]:
         """See ``Source``."""
@@ -243,7 +247,7 @@ class KernelSource:
     def base(self, frame: int) -> tuple[int, str]:
         """See ``Source``."""
         axes = self._kernels._axes(str(frame))
-        if axes["class"] != orient.TK:
+        if axes["class"] != classes.TK:
             return J2000, "J2000"
         _, base = self._kernels._process.call("fixed_offset", frame, doing=f"looking up the offset of {axes['name']}")
         return base, self._kernels._axes(str(base))["name"]

@@ -18,7 +18,7 @@ from jaxframes.errors import (
     UnknownBodyError,
     suggest,
 )
-from jaxframes.spice import build, extract, orient, translate
+from jaxframes.spice import build, classes, extract, orient, translate
 from jaxframes.spice.files import kernel_files
 from jaxframes.spice.hashes import sha256
 from jaxframes.spice.info import Info, Source, decimal
@@ -254,7 +254,7 @@ class Kernels(Inventory):
     def _rotation(self, segment: Segment, axes: str) -> np.ndarray | None:
         """Return the matrix from a segment's own inertial frame to another, None where they are the same."""
         own = self._process.call("frame", str(segment.frame), doing=f"looking up frame {segment.frame}")
-        if own is None or own["class"] != orient.INERTIAL:
+        if own is None or own["class"] != classes.INERTIAL:
             label = "unknown to the kernels loaded" if own is None else f"{own['name']}, which turns"
             raise NoPathError(f"{segment.describe()} is relative to frame {segment.frame}, {label}: only inertial frames are extracted.")
         if own["name"] == axes:
@@ -299,8 +299,8 @@ class Kernels(Inventory):
 
     def _inertial(self, frame: str, role: str) -> dict[str, Any]:
         found = self._axes(frame)
-        if found["class"] != orient.INERTIAL:
-            kind = orient.CLASSES.get(found["class"], "?")
+        if found["class"] != classes.INERTIAL:
+            kind = classes.CLASSES.get(found["class"], "?")
             raise NoPathError(
                 f"{role} = {frame!r} is a {kind} frame, which turns; tables have inertial axes, as 'J2000'. "
                 f"Add the orientation as an edge of its own: kernels.orientation(frame={frame!r}, relative_to='J2000')."

@@ -13,6 +13,8 @@ import time
 from typing import Any, BinaryIO
 
 SLICE = 1 << 20  # words read at a time
+CELL = 20_000  # numbers that one of CSPICE's cells has room for, at first
+MOST_CELL = 1 << 25
 MOST_SEGMENTS = 1_000_000  # in one file: a damaged list may run in a circle
 
 
@@ -150,8 +152,23 @@ class Reader:
 
     def all_frames(self) -> list[dict[str, Any]]:
         """Return what ``frame`` says of all frames, built in and defined by text kernels."""
-        numbers = {int(i) for cell in (self.spice.bltfrm(-1), self.spice.kplfrm(-1)) for i in cell}
-        return [found for number in sorted(numbers) if (found := self.frame(str(number))) is not None]
+        return [found for number in self._frame_ids() if (found := self.frame(str(number))) is not None]
+
+    def _frame_ids(self) -> list[int]:
+        """Return the ids of all frames, built in and defined by text kernels."""
+        found = (self._in_cell(self.spice.cell_int, lambda cell, of=of: of(-1, cell)) for of in (self.spice.bltfrm, self.spice.kplfrm))
+        return sorted({int(i) for cell in found for i in cell})
+
+    def _in_cell(self, make: Any, fill: Any) -> Any:
+        """Return the cell that a call fills, made larger until all has room in it."""
+        size = CELL
+        while True:
+            try:
+                return fill(make(size))
+            except self.spice.exceptions.SpiceyError as error:
+                if error.short not in ("SPICE(SETTOOSMALL)", "SPICE(WINDOWEXCESS)", "SPICE(CELLTOOSMALL)") or size > MOST_CELL:
+                    raise
+                size *= 4
 
     def body_frame(self, body: int) -> int | None:
         """Return the id of the frame that a body is given by SPICE or an association kernel, None if it has none."""
@@ -168,8 +185,7 @@ class Reader:
 
     def frame_names(self) -> list[str]:
         """Return the names of all frames, built in and defined by text kernels."""
-        numbers = [int(i) for cell in (self.spice.bltfrm(-1), self.spice.kplfrm(-1)) for i in cell]
-        return [self.spice.frmnam(i) for i in numbers]
+        return [self.spice.frmnam(i) for i in self._frame_ids()]
 
     def numbers(self, names: list[str]) -> dict[str, list[float] | None]:
         """Return the numbers of kernel-pool variables, None for those that do not exist or hold text."""
@@ -247,9 +263,9 @@ class Reader:
         kinds = ("SPK", "PCK", "CK", "DSK", "EK")
         return [self.spice.kdata(i, kind)[0] for kind in kinds for i in range(self.spice.ktotal(kind))]
 
-    def ck_windows(self, path: str, instrument: int) -> list[tuple[float, float]]:
-        """Return the spans of ET seconds that a C-kernel covers an instrument in, rates included."""
-        cover = self.spice.ckcov(path, instrument, True, "INTERVAL", 0.0, "TDB")
+    def ck_windows(self, path: str, instrument: int, rates: bool) -> list[tuple[float, float]]:
+        """Return the spans of ET seconds that a C-kernel has attitudes of an instrument in, or attitudes with rates."""
+        cover = self._in_cell(self.spice.cell_double, lambda cell: self.spice.ckcov(path, instrument, rates, "INTERVAL", 0.0, "TDB", cell))
         return [tuple(self.spice.wnfetd(cover, i)) for i in range(self.spice.wncard(cover))]
 
     def clock(self, ck_id: int) -> int:

