@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 
 from jaxframes.errors import ToleranceError
-from jaxframes.spice.search import DEGREES, MARGIN, MOST_RECORDS, Choice, Model, Part, _errors, _text, record_bytes, verified
+from jaxframes.spice.search import DEGREES, MARGINS, MOST_RECORDS, Choice, Model, Part, _errors, _text, record_bytes, resolved, verified
 
 CHECKS = 12
 FINEST = 2.0**-40  # of the longest part: a record that short follows nothing but jumps
@@ -18,7 +18,7 @@ def dyadic(model: Model, parts: Sequence[Part], unit: Fraction, bounds: tuple[fl
 
     Every degree is followed down at once: records that are good enough for a degree are its leaves, the others are halved.
     """
-    goal, floor = np.array(bounds) * MARGIN, (np.inf, np.inf)
+    goal, floor = np.array(bounds) * MARGINS[0], (np.inf, np.inf)
     for _ in range(RETRIES):
         degree, leaves = _leaves(model, parts, unit, goal, aim, bounds)
         found = verified(model, leaves, None, degree)
@@ -63,6 +63,7 @@ def _leaves(
                     and worst[0, d] < 1e-4 * model.scale
                     and (worst[:, d] > goal).any()
                     and all((worst[k, d] > 0.7 * history[-3][k, d]) or worst[k, d] <= goal[k] for k in (0, 1))
+                    and not resolved(model, parts, length, goal)
                 )
                 if pending * record_bytes(DEGREES[d], model.extras) >= best or pending > MOST_RECORDS or stalled:
                     alive[d], open_[d] = False, False

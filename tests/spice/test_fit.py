@@ -296,6 +296,22 @@ def test_orientations_that_cannot_be_fitted_say_so(framed):
         framed.orientation(frame="TESTSWITCH", start="2027-01-01", stop="2027-01-02", tolerance=T(angle=1e-9))
     with pytest.raises(ToleranceError, match=r"ITRF93 .*no table meets 1e-16"):
         framed.orientation(frame="ITRF93", tolerance=T(angle=1e-16), start="2026-01-01", stop="2026-01-03")
+    # CSPICE gives no rate to a frame of date that is declared inertial, while its axes precess.
+    with pytest.raises(ToleranceError, match=r"gives as rate is not the derivative of its angle.*Give angle= alone"):
+        framed.orientation(frame="TESTDATE", tolerance=T(angle=1e-9, rate=1e-13), **JANUARY)
+    edge = framed.orientation(frame="TESTDATE", tolerance=T(angle=1e-9), **JANUARY)
+    assert 7e-12 < measured(edge, "rate error") < 9e-12
+
+
+@pytest.mark.float64
+def test_records_that_fail_where_they_were_not_probed_are_made_shorter(framed, rng):
+    # Half a year in one record meets the tolerance at the few epochs probed, and not elsewhere.
+    span = {"start": "2025-06-01", "stop": "2025-12-01"}
+    for angle in (2e-9, 1e-9, 6e-10, 3e-10):
+        edge = framed.orientation(frame="TESTYEAR", tolerance=T(angle=angle, rate=1e-13), **span)
+        worst = jf.spice.compare(framed, edge, rng.uniform(802008000, 817819200, 1000))
+        assert worst.value <= angle
+        assert edge.legs[0].rows.shape[0] <= 4
 
 
 @pytest.mark.float64
@@ -311,6 +327,21 @@ def test_gaps_are_known_behind_fixed_offsets_and_on_both_sides(framed, rng):
         assert worst.rate <= 1e-10
     with pytest.raises(CoverageError, match=r"no orientation of TESTCAMERA[\s\S]*data:    2026-01-01T00:00:00"):
         framed.orientation(frame="TESTCAMERA", tolerance=T(angle=1e-9), start="2027-01-01", stop="2027-01-02")
+
+
+@pytest.mark.float64
+@pytest.mark.parametrize("layout", ["uniform", "dyadic"])
+def test_a_small_nutation_of_a_fast_spinner_is_followed(tmp_path, cspice, layout):
+    # Records as long as many turns are all equally wrong by the nutation: shorter ones are not for nothing.
+    times = np.arange(0, 3600.0, 0.5)
+    ticks, spice = times * 65536, orbits.spinner(times, wobble=1e-5)[0] * np.array([1.0, -1, -1, -1])
+    handle = cspice.ckopn(str(tmp_path / "5.bc"), "test", 0)
+    cspice.ckw05(handle, 1, 7, ticks[0], ticks[-1], -77000, "J2000", True, "FIVE", ticks, spice, 1 / 65536, 1, ticks[:1])
+    cspice.ckcls(handle)
+    with jf.spice.Kernels([*orbits.clock(tmp_path), tmp_path / "5.bc"]) as kernels:
+        edge = kernels.orientation(frame="TESTCRAFT", tolerance=T(angle=1e-6), layout=layout)
+    assert measured(edge, "angle error") <= 1e-6
+    assert 32 <= edge.legs[0].rows.shape[0] <= 128
 
 
 def test_attitudes_without_rates_need_no_fit(tmp_path):
