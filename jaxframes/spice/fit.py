@@ -10,7 +10,7 @@ import numpy as np
 from jaxframes.errors import CoverageError, FrameError, NoPathError, suggest
 from jaxframes.spice import build
 from jaxframes.spice.extract import POLYNOMIAL
-from jaxframes.spice.paths import translation_legs
+from jaxframes.spice.paths import Walk, translation_legs
 from jaxframes.spice.process import CspiceError
 from jaxframes.spice.report import record_jumps
 from jaxframes.spice.search import DEGREES, Choice, Part, Tolerance, record_bytes, search
@@ -214,6 +214,11 @@ def involved(kernels: "Kernels", of: int, relative: int, bounds: tuple[Fraction,
     if not found:
         translation_legs(of, relative, kernels._segments, *bounds, kernels._name)  # says what is missing
     if correction != "NONE":
+        with contextlib.suppress(NoPathError):  # a chain that changes its centres
+            for walk in (Walk(body, kernels._segments, *bounds, kernels._name) for body in (of, relative)):
+                for segment in (piece.segment for leg in walk.legs for piece in leg):
+                    if segment.type in (2, 3):
+                        segment.grid()  # says so if it is damaged: CSPICE may take what lies beyond its end for data
         return found
     try:
         legs = translation_legs(of, relative, kernels._segments, *bounds, kernels._name)

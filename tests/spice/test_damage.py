@@ -91,6 +91,23 @@ def test_files_cut_off_anywhere(tmp_path, rng, kind):
             answer(files, kind)
 
 
+@pytest.mark.parametrize("correction", ["NONE", "CN"])
+def test_a_segment_without_records_is_never_fitted(tmp_path, rng, correction):
+    # Excerpts of large files may keep summaries whose data they leave out.
+    segments = [(2, body, 0, "J2000", 0.0, 3000.0, 0.0, 1000.0, made.coefficients(rng, 3, 3, 7)) for body in (399, -77)]
+    path = made.spk(tmp_path / "excerpt.bsp", segments)
+    words = np.fromfile(path)
+    with jf.spice.Kernels(path) as kernels:
+        last = kernels._segments[1].last
+    assert words[last - 1] == 3
+    words[last - 4 : last] = 0
+    words.tofile(path)
+    with jf.spice.Kernels(path) as kernels, pytest.raises(errors.BadKernelError, match="it says 0 records of 0 words"):
+        kernels.translation(
+            target=-77, center=399, start=500.0, stop=2000.0, correction=correction, tolerance=jf.spice.Tolerance(position=1.0)
+        )
+
+
 def test_an_answer_that_does_not_come_ends_the_process(paths):
     process = KernelProcess(timeout=0.5)
     with pytest.raises(errors.BadKernelError, match=r"did not answer within 0.5 s while sleeping.*timeout=seconds"):
