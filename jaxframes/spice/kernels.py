@@ -24,6 +24,7 @@ from jaxframes.spice.hashes import sha256
 from jaxframes.spice.info import Info, Source, decimal
 from jaxframes.spice.inventory import Inventory
 from jaxframes.spice.legs import to_leg
+from jaxframes.spice.paths import on_the_way
 from jaxframes.spice.process import TIMEOUT, CspiceError, KernelProcess
 from jaxframes.spice.search import Tolerance
 from jaxframes.spice.segments import Piece, Segment, coverage
@@ -262,15 +263,19 @@ class Kernels(Inventory):
         return np.array(self._process.call("rotation", own["name"], axes, doing=f"rotating {own['name']} to {axes}"))
 
     def _span(self, start: Instant | None, stop: Instant | None, kind: str, bodies: tuple[int, ...]) -> tuple[Fraction, Fraction]:
-        """Return the span asked for; a side left out is where all data of the bodies named begin or end."""
+        """Return the span asked for; a side left out is where all data of the bodies named, and of those between, begin or end."""
         low = exact_seconds(start, "start") if start is not None else None
         high = exact_seconds(stop, "stop") if stop is not None else None
         if low is None or high is None:
-            own = [c for body in bodies if (c := coverage(s for s in self._segments if s.kind == kind and s.body == body))]
+            way = on_the_way(bodies, self._segments) if kind == "SPK" else bodies
+            own = {b: c for b in way if (c := coverage(s for s in self._segments if s.kind == kind and s.body == b))}
             if not own:
                 return low or Fraction(0), high or Fraction(1)  # no data at all: the search for a way says so
-            low = max(c[0][0] for c in own) if low is None else low
-            high = min(c[-1][1] for c in own) if high is None else high
+            begin, end = max(c[0][0] for c in own.values()), min(c[-1][1] for c in own.values())
+            if begin >= end:
+                have = "".join(f"\n  {self._name(b) if kind == 'SPK' else b}: {span_text(c[0][0], c[-1][1])}" for b, c in own.items())
+                raise CoverageError(f"The data of the bodies on the way have no span in common.{have}")
+            low, high = begin if low is None else low, end if high is None else high
         if low >= high:
             raise CoverageError(f"start lies at or after stop: {span_text(low, high)}. A table needs a span of time.")
         return low, high
@@ -293,8 +298,14 @@ class Kernels(Inventory):
     def _axes(self, frame: str) -> dict[str, Any]:
         found = self._process.call("frame", str(frame), doing=f"looking up {frame!r}")
         if found is None:
-            names = self._process.call("frame_names", doing="listing frames")
-            raise UnknownAxesError(f"{frame!r} is no frame known to SPICE or to the kernels loaded.{suggest(str(frame).upper(), names)}")
+            listed = self._process.call("all_frames", doing="listing frames")
+            oriented = {f["class_id"] for f in listed if f["class"] == classes.PCK}
+            lost = sorted({s.body for s in self._segments if s.kind == "PCK"} - oriented)
+            hint = f" The binary PCK files loaded orient class ids {lost}, which no frame is defined for: load their frame kernel (.tf)."
+            raise UnknownAxesError(
+                f"{frame!r} is no frame known to SPICE or to the kernels loaded."
+                f"{suggest(str(frame).upper(), [f['name'] for f in listed])}{hint if lost else ''}"
+            )
         return found
 
     def _inertial(self, frame: str, role: str) -> dict[str, Any]:

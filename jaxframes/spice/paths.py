@@ -43,6 +43,19 @@ class Walk:
         return " -> ".join(f"{name(b)} ({b})" for b in self.bodies)
 
 
+def on_the_way(bodies: Sequence[int], segments: Sequence[Segment]) -> list[int]:
+    """Return one or two bodies and those that their positions are relative to, up to the first that both have, by the last segments."""
+    centers = {s.body: s.center for s in segments if s.kind == "SPK"}
+    chains = []
+    for body in bodies:
+        chain = [body]
+        while (center := centers.get(chain[-1])) is not None and center not in chain:
+            chain.append(center)
+        chains.append(chain)
+    common = next((body for body in chains[0] if body in chains[-1]), None) if len(chains) > 1 else None
+    return list(dict.fromkeys(body for chain in chains for body in (chain[: chain.index(common)] if common is not None else chain)))
+
+
 def translation_legs(
     target: int, center: int, segments: Sequence[Segment], start: Fraction, stop: Fraction, name: Name
 ) -> list[tuple[int, list[Piece]]]:
@@ -65,7 +78,8 @@ def translation_legs(
         f"The kernels loaded do not connect {name(target)} with {name(center)}: "
         f"{up.text(name)} on one side, {down.text(name)} on the other."
     )
-    hints = [hint for walk in (up, down) if len(walk.bodies) == 1 and (hint := _barycentre_hint(walk.bodies[0], segments, name))]
+    lost = [walk.bodies[0] for walk in (up, down) if len(walk.bodies) == 1 and walk.bodies[0] != 0]  # nothing is needed for the SSB
+    hints = [_barycentre_hint(body, segments, name) for body in lost]
     raise NoPathError(" ".join([message, *hints]))
 
 

@@ -58,6 +58,18 @@ def test_body_without_data_says_what_the_kernels_hold(kernels):
         assert part in str(caught.value)
 
 
+def test_nothing_is_asked_for_the_solar_system_barycentre(kernels):
+    with pytest.raises(errors.NoPathError, match=r"connect MARS with SSB.*only the barycentre 4") as caught:
+        kernels.translation(target=499, center="SSB", **SPAN)
+    assert "SSB (0) is loaded" not in str(caught.value)
+
+
+def test_a_binary_pck_without_the_frames_that_it_orients(tmp_path, rng):
+    path = made.pck(tmp_path / "moon.bpc", [(31006, "J2000", 0.0, 300.0, 0.0, 100.0, made.coefficients(rng, 3, 3, 7, 0.1))])
+    with jf.spice.Kernels([path]) as kernels, pytest.raises(errors.UnknownAxesError, match=r"class ids \[31006\].*frame kernel"):
+        kernels.orientation(frame="MOON_PA")
+
+
 def test_unknown_spacecraft(kernels):
     with pytest.raises(errors.NoPathError, match=r"No segment of -99 \(-99\) is loaded"):
         kernels.translation(target=-99, center="EARTH", **SPAN)

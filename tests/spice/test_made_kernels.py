@@ -127,6 +127,18 @@ def test_a_center_that_changes_is_refused(tmp_path, rng):
         assert kernels.translation(target=-77, center=301, start=310.0, stop=600.0).info.relative_id == 301
 
 
+def test_without_a_span_the_whole_way_is_covered(tmp_path, rng):
+    way = [(-77, 399, 0.0, 900.0), (399, 3, 100.0, 800.0), (3, 0, 200.0, 1000.0), (301, 3, 50.0, 500.0), (-78, 301, 600.0, 900.0)]
+    segments = [(2, b, c, "J2000", t, u, t, 50.0, made.coefficients(rng, int((u - t) / 50), 3, 4)) for b, c, t, u in way]
+    with jf.spice.Kernels(made.spk(tmp_path / "way.bsp", segments)) as kernels:
+        for target, center, span in ((-77, 0, ("200", "800")), (-77, 399, ("0", "900")), (301, -77, ("100", "500"))):
+            info = kernels.translation(target=target, center=center).info
+            assert (info.start, info.stop) == span
+        assert kernels.tree(bodies=[-77]).parent("GALILEO ORBITER") == "EARTH"
+        with pytest.raises(jf.FrameError, match=r"no span in common[\s\S]*MOON: [\s\S]*ET 50.0 .. 500.0"):
+            kernels.translation(target=-78, center=3)
+
+
 def test_gaps_are_named(tmp_path, rng):
     segments = [(2, -77, 399, "J2000", a, a + 300.0, a, 100.0, made.coefficients(rng, 3, 3, 7)) for a in (0.0, 400.0)]
     path = made.spk(tmp_path / "gap.bsp", segments)
