@@ -51,6 +51,7 @@ class Intervals:
         turn: Rotation vector over the interval, in o axes [n, 3].
         w0: Angular velocity at the start, in o axes [n, 3].
         w1: Angular velocity at the end [n, 3].
+        even: Whether the turn is at an even rate by definition [n]: type 2, all of whose attitudes the kernel gives.
     """
 
     start: np.ndarray
@@ -59,6 +60,7 @@ class Intervals:
     turn: np.ndarray
     w0: np.ndarray
     w1: np.ndarray
+    even: np.ndarray
 
     def take(self, which: np.ndarray) -> Self:
         """Return some of the intervals."""
@@ -71,7 +73,7 @@ class Intervals:
         u0, u1 = ((a - self.start) / width)[:, None], ((b - self.start) / width)[:, None]
         q = quat.multiply(quat.turned(self.turn * u0), self.q)
         slope = self.w1 - self.w0
-        return type(self)(a, b, q, self.turn * (u1 - u0), self.w0 + slope * u0, self.w0 + slope * u1)
+        return type(self)(a, b, q, self.turn * (u1 - u0), self.w0 + slope * u0, self.w0 + slope * u1, self.even)
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
@@ -144,7 +146,7 @@ def read_intervals(kernels: "Kernels", segment: CkSegment, seconds_a_tick: float
         w0, w1 = packets[:-1, 4:], packets[1:, 4:]
     else:
         w0, w1 = _estimated(turn, np.diff(ticks) * seconds_a_tick, joined)
-    return Intervals(ticks[:-1], ticks[1:], q[:-1], turn, w0, w1).take(np.flatnonzero(joined))
+    return Intervals(ticks[:-1], ticks[1:], q[:-1], turn, w0, w1, np.zeros(len(turn), bool)).take(np.flatnonzero(joined))
 
 
 def _spins(segment: CkSegment, words: np.ndarray) -> Intervals:
@@ -156,7 +158,8 @@ def _spins(segment: CkSegment, words: np.ndarray) -> Intervals:
     start, stop, rate = words[8 * n : 9 * n], words[9 * n : 10 * n], packets[:, 4:7]
     if not (stop > start).all() or not (start[1:] >= stop[:-1]).all():
         raise _damaged(segment, "its intervals are not in order")
-    return Intervals(start, stop, _poses(segment, packets[:, :4]), rate * ((stop - start) * packets[:, 7])[:, None], rate, rate)
+    turn = rate * ((stop - start) * packets[:, 7])[:, None]
+    return Intervals(start, stop, _poses(segment, packets[:, :4]), turn, rate, rate, np.ones(n, bool))
 
 
 def _poses(segment: CkSegment, spice: np.ndarray) -> np.ndarray:

@@ -18,6 +18,8 @@ from jaxframes.spice.times import exact_seconds, reference_day, span_text
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
 
+BEND = 1e-11
+"""Radians that an attitude may be off where the clock's time is taken to be even in TDB."""
 GRACE = Fraction(1, 10**5)
 """A gap starts so many seconds after the data end: the last instant belongs to the data, also as an epoch of two float32."""
 
@@ -64,15 +66,18 @@ def attitude(
             f"{others[0].describe()} is neither of type 1, 2 nor 3: give tolerance=jf.spice.Tolerance(angle=..., rate=...) "
             "to have a table fitted."
         )
-    runs = [(s, _in_base(kernels, s, _read(kernels, s, clock, bridge), of, base)) for s in touching]
+    turns = {s.frame: _base_turn(kernels, s, of, base) for s in reversed(touching)}
+    runs = [(s, _turned(_read(kernels, s, clock, bridge), turns[s.frame])) for s in touching]
     intervals, used = layered([r for r in runs if len(r[1].start)], -np.inf, np.inf)
     if intervals is None:
         raise CoverageError(_nothing(of, low, high, begins, ends))
-    intervals, t0, t1 = _dated(intervals, clock)
-    keep = np.flatnonzero((t1[0] > (-np.inf if low is None else float(low))) & (t0[0] < (np.inf if high is None else float(high))))
-    if not len(keep):
+    parts = _straight(intervals, clock)
+    intervals, t0, t1 = _within(*_dated(intervals, clock), low, high)
+    if not len(intervals.start):
         raise CoverageError(_nothing(of, low, high, begins, ends))
-    intervals, t0, t1 = intervals.take(keep), (t0[0][keep], t0[1][keep]), (t1[0][keep], t1[1][keep])
+    measured = _measured(intervals, t0, t1)
+    if parts is not None:
+        intervals, t0, t1 = _within(*_dated(parts, clock), low, high)
     first, last = (Fraction(t[0][i]) + Fraction(t[1][i]) for t, i in ((t0, 0), (t1, -1)))
     bounds = (first if low is None else max(first, low), last if high is None else min(last, high))
     reference = reference_day(bounds[0])
@@ -81,7 +86,7 @@ def attitude(
     leg = build.HostLeg({"rows": rows, **index}, rows.shape[1] - 3, compares)
     facts = {
         "method": f"knots of C-kernels, ck={ck!r}",
-        "measured": _measured(intervals, t0, t1),
+        "measured": measured,
         "notes": _notes(used, gaps, (low, high), bounds),
         "segments": tuple(f"{s.describe()}, frame id {s.frame}" for s in used),
     }
@@ -96,10 +101,10 @@ def _read(kernels: "Kernels", segment: CkSegment, clock: Clock, bridge: float | 
     return read_intervals(kernels, segment, float(tick), bridge)
 
 
-def _in_base(kernels: "Kernels", segment: CkSegment, intervals: Intervals, of: dict[str, Any], base: dict[str, Any]) -> Intervals:
-    """Return intervals turned from a segment's own base frame into the one asked for."""
+def _base_turn(kernels: "Kernels", segment: CkSegment, of: dict[str, Any], base: dict[str, Any]) -> np.ndarray | None:
+    """Return the quaternion that turns a segment's own base frame into the one asked for; None where they are the same."""
     if segment.frame == base["id"]:
-        return intervals
+        return None
     own = kernels._process.call("frame", str(segment.frame), doing=f"looking up frame {segment.frame}")
     if own is None or own["class"] != 1 or base["class"] != 1:
         label = str(segment.frame) if own is None else own["name"]
@@ -108,9 +113,16 @@ def _in_base(kernels: "Kernels", segment: CkSegment, intervals: Intervals, of: d
             "other orientation as an edge of its own, or give tolerance=jf.spice.Tolerance(angle=..., rate=...) to have the chain fitted."
         )
     matrix = np.array(kernels._process.call("rotation", own["name"], base["name"], doing=f"rotating {own['name']}"))
-    turn = np.broadcast_to(quat.from_matrices(matrix[None]), intervals.q.shape)
-    vectors = (quat.rotate(turn, v) for v in (intervals.turn, intervals.w0, intervals.w1))
-    return Intervals(intervals.start, intervals.stop, quat.multiply(turn, intervals.q), *vectors)
+    return quat.from_matrices(matrix[None])
+
+
+def _turned(intervals: Intervals, by: np.ndarray | None) -> Intervals:
+    """Return intervals in another base frame."""
+    if by is None:
+        return intervals
+    turn = np.broadcast_to(by, intervals.q.shape)
+    moved, w0, w1 = (quat.rotate(turn, v) for v in (intervals.turn, intervals.w0, intervals.w1))
+    return Intervals(intervals.start, intervals.stop, quat.multiply(turn, intervals.q), moved, w0, w1, intervals.even)
 
 
 def _dated(intervals: Intervals, clock: Clock) -> tuple[Intervals, doubles.Pair, doubles.Pair]:
@@ -130,6 +142,36 @@ def _dated(intervals: Intervals, clock: Clock) -> tuple[Intervals, doubles.Pair,
     return whole, t0, t1  # pyright: ignore[reportReturnType]
 
 
+def _within(
+    intervals: Intervals, t0: doubles.Pair, t1: doubles.Pair, low: Fraction | None, high: Fraction | None
+) -> tuple[Intervals, doubles.Pair, doubles.Pair]:
+    """Return the intervals that touch a span."""
+    keep = np.flatnonzero((t1[0] > (-np.inf if low is None else float(low))) & (t0[0] < (np.inf if high is None else float(high))))
+    return intervals.take(keep), (t0[0][keep], t0[1][keep]), (t1[0][keep], t1[1][keep])
+
+
+def _straight(intervals: Intervals, clock: Clock) -> Intervals | None:
+    """Return intervals cut so short that a turn at an even rate in ticks is one in TDB too; None where they are short enough.
+
+    Clocks count TT, against which TDB wavers by K sin(M) over the year: over a day of a fast spinner that bends 2e-8 rad.
+    """
+    if clock.terrestrial is None:
+        return None
+    k, _, _, rate = clock.terrestrial
+    width = intervals.stop - intervals.start
+    ends = np.array([intervals.start[0], intervals.stop[-1]])
+    tick = float(np.diff(clock.seconds_of(ends)[0])[0] / (ends[1] - ends[0]))
+    bend = np.linalg.norm(intervals.turn, axis=1) * width * tick * (k * rate * rate / 8)
+    pieces = np.ceil(np.sqrt(bend / BEND)).astype(int).clip(1)
+    if (pieces == 1).all():
+        return None
+    which = np.repeat(np.arange(len(pieces)), pieces)
+    step = np.arange(len(which)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    cuts = intervals.start[which] + width[which] * (step / pieces[which])
+    until = np.where(step + 1 == pieces[which], intervals.stop[which], np.append(cuts[1:], np.inf))
+    return intervals.take(which).cut(cuts, until)
+
+
 def _rows(
     intervals: Intervals, t0: doubles.Pair, t1: doubles.Pair, reference: int, ck: str
 ) -> tuple[list[Fraction], np.ndarray, list[tuple[Fraction, Fraction]]]:
@@ -142,7 +184,8 @@ def _rows(
     if ck == "spice":
         vectors = (intervals.w0, intervals.w1)
     else:
-        vectors = tuple((w - mean) * (length[:, None] / 2) for w in (intervals.w0, intervals.w1))
+        uneven = ~intervals.even[:, None]  # an even spin is as it is, in whatever seconds the kernel's rate may be
+        vectors = tuple((w - mean) * (length[:, None] / 2) * uneven for w in (intervals.w0, intervals.w1))
     rows = np.concatenate([intervals.q, axis, half[:, None], *vectors, past[0][:, None], past[1][:, None], length[:, None]], 1)
     exact = [Fraction(a) + Fraction(b) for a, b in zip(*past, strict=True)]
     ends = [Fraction(a) + Fraction(b) - reference for a, b in zip(*t1, strict=True)]

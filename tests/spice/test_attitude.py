@@ -143,6 +143,26 @@ def test_constant_spins_type_2(cspice, tmp_path, rng):
 
 
 @pytest.mark.float64
+def test_day_long_spins_of_a_clock_that_counts_terrestrial_time(tmp_path, paths, rng):
+    spin, seconds = np.array([0.1, -0.2, 0.35]), np.array([0.0, 80000.0, 86400.0])
+    q = quat.turned(spin * seconds[:, None])
+    path = orbits.pointing(tmp_path / "2.bc", 2, seconds, q, np.tile(spin, (3, 1)))
+    files = [p for p in paths if p.endswith(".tls")] + orbits.clock(tmp_path, ORIGIN, system=2)
+    with jf.spice.Kernels([*files, path]) as kernels:
+        edge, smooth = (kernels.orientation(frame="TESTCRAFT", ck=mode) for mode in ("spice", "smooth"))
+    past = rng.integers(0, 86400 * 64, 1000) / 64
+    mean = 6.239996 + 1.99096871e-7 * (ORIGIN + past)
+    epochs = jf.Epoch(ORIGIN + past, 1.657e-3 * np.sin(mean + 1.671e-2 * np.sin(mean)))
+    truth = quat.turned(spin * past[:, None])
+    # TDB against TT bends by 6e-8 s over a day, 2e-8 rad of this spin.
+    assert angle(edge.evaluate(epochs, 0)[0], truth) < 3e-11
+    assert angle(smooth.evaluate(epochs, 0)[0], truth) < 3e-11
+    assert largest(np.asarray(edge.evaluate(epochs, 1)[1]) - spin) < 1e-15
+    assert largest(np.asarray(smooth.evaluate(epochs, 1)[1]) - spin) < 2e-10  # the derivative by TDB; the kernel's is by TT
+    assert edge.legs[0].rows.shape[0] < 100
+
+
+@pytest.mark.float64
 def test_instants_type_1_are_joined_only_as_far_as_asked(cspice, tmp_path):
     knots = np.array([0.0, 10.0, 20.0, 50.0, 60.0])
     q, w, _ = orbits.slew(knots)
@@ -186,7 +206,7 @@ def test_thousands_of_segments_with_gaps_take_no_longer_each():
     def run(begin, end):
         one, nothing = np.ones(1), np.zeros((1, 3))
         segment = ck.CkSegment("x.bc", 1, -77000, 1, 3, True, begin, end, 1, 2, "ONE")
-        return segment, ck.Intervals(begin * one, end * one, np.array([[1.0, 0, 0, 0]]), nothing, nothing, nothing)
+        return segment, ck.Intervals(begin * one, end * one, np.array([[1.0, 0, 0, 0]]), nothing, nothing, nothing, one < 0)
 
     runs = [run(100.0 * i, 100.0 * i + 60.0) for i in range(5000)]
     started = time.perf_counter()
