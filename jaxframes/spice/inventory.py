@@ -10,6 +10,7 @@ from jaxframes.errors import CoverageError, NoPathError, UnknownBodyError, sugge
 from jaxframes.spatial.calendar import tdb_text
 from jaxframes.spatial.utc import LeapSeconds
 from jaxframes.spice import classes
+from jaxframes.spice.ck import KNOTS, segments_of
 from jaxframes.spice.clock import clock_of
 from jaxframes.spice.iau_read import has_text_pck
 from jaxframes.spice.leap import read_leap_seconds
@@ -169,7 +170,8 @@ class Inventory:
 
         The root ``"SSB"`` is the Solar System barycentre with J2000 axes. Each body is a frame with J2000 axes under its SPICE name
         (``"EARTH"``), below the body that its segments are relative to; the bodies between are there too. Each frame is below
-        the body that is its centre (or the frame that it is fixed to), under its SPICE name (``"ITRF93"``).
+        the body that is its centre, or the frame that it is fixed to or that its C-kernel turns it against, under its SPICE name
+        (``"ITRF93"``).
         So an edge between two SPICE frames is R(o from J2000), positions in J2000, R(J2000 from p).
 
         Args:
@@ -179,7 +181,7 @@ class Inventory:
             stop: End of the coverage.
             ck: How C-kernels are read between their knots, as in ``orientation``.
             bridge: For C-kernels of type 1, as in ``orientation``.
-            tolerance: For dynamic and switch frames, which are fitted: the angle and rate to meet.
+            tolerance: For dynamic and switch frames and C-kernels of types 4 to 6, which are fitted: the angle and rate to meet.
 
         Raises:
             UnknownBodyError: If a body is unknown.
@@ -247,9 +249,13 @@ class KernelSource:
     def base(self, frame: int) -> tuple[int, str]:
         """See ``Source``."""
         axes = self._kernels._axes(str(frame))
-        if axes["class"] != classes.TK:
-            return J2000, "J2000"
-        _, base = self._kernels._process.call("fixed_offset", frame, doing=f"looking up the offset of {axes['name']}")
+        base = J2000
+        if axes["class"] == classes.TK:
+            _, base = self._kernels._process.call("fixed_offset", frame, doing=f"looking up the offset of {axes['name']}")
+        elif axes["class"] == classes.CK:
+            bases = {s.frame for s in segments_of(self._kernels, axes["class_id"])}
+            if len(bases) == 1 and self._kernels._axes(str(*bases))["class"] != classes.INERTIAL:
+                (base,) = bases  # an arm on a spacecraft, say
         return base, self._kernels._axes(str(base))["name"]
 
     def chain(self, body: int) -> list[int]:
@@ -263,5 +269,8 @@ class KernelSource:
 
     def orientation(self, frame: tuple[int, str], base: tuple[int, str]) -> Edge:
         """See ``Source``."""
-        options = self._options.get(self._kernels._axes(frame[1])["class"], {})
+        axes = self._kernels._axes(frame[1])
+        options = self._options.get(axes["class"], {})
+        if axes["class"] == classes.CK and not {s.type for s in segments_of(self._kernels, axes["class_id"])} <= set(KNOTS):
+            options = self._options[classes.DYNAMIC]
         return self._kernels.orientation(frame=frame[1], relative_to=base[1], start=self._start, stop=self._stop, **options)

@@ -110,7 +110,8 @@ def _base_turn(kernels: "Kernels", segment: CkSegment, of: dict[str, Any], base:
         label = str(segment.frame) if own is None else own["name"]
         raise NoPathError(
             f"{segment.describe()} orients {of['name']} relative to {label}, not {base['name']}: ask for relative_to={label!r} and add the "
-            "other orientation as an edge of its own, or give tolerance=jf.spice.Tolerance(angle=..., rate=...) to have the chain fitted."
+            f"other orientation as an edge of its own, as kernels.tree(frames=[{of['name']!r}]) does, or give "
+            "tolerance=jf.spice.Tolerance(angle=..., rate=...) to have the chain fitted."
         )
     matrix = np.array(kernels._process.call("rotation", own["name"], base["name"], doing=f"rotating {own['name']}"))
     return quat.from_matrices(matrix[None])

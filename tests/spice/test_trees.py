@@ -5,6 +5,7 @@ import pytest
 
 import jaxframes as jf
 from jaxframes import errors
+from tests.spice import made, orbits
 from tests.spice.test_fixed_frames import FRAMES
 from tests.spice.test_iau import PCK
 from tests.spice.test_orientation import angles, matrices
@@ -144,3 +145,59 @@ def test_a_root_with_other_inertial_axes(opened, cspice, dtype):
     found = tree.transform(tree.state(time=TIMES[0]), of="SUN", relative_to="plane").translation
     states = np.array(cspice.spkezr("SUN", TIMES[0], "ECLIPJ2000", "NONE", "SSB")[0])[:3] * 1e3
     assert np.linalg.norm(np.asarray(found, float) - states) <= (1e-5 if dtype == np.float64 else 500.0)
+
+
+ARM = """KPL/FK
+\\begindata
+FRAME_TESTDECK = -77050
+FRAME_-77050_NAME = 'TESTDECK'
+FRAME_-77050_CLASS = 4
+FRAME_-77050_CLASS_ID = -77050
+FRAME_-77050_CENTER = -77
+TKFRAME_-77050_RELATIVE = 'TESTCRAFT'
+TKFRAME_-77050_SPEC = 'ANGLES'
+TKFRAME_-77050_UNITS = 'DEGREES'
+TKFRAME_-77050_ANGLES = ( 0, 90, 10 )
+TKFRAME_-77050_AXES = ( 1, 2, 3 )
+FRAME_TESTARM = -77100
+FRAME_-77100_NAME = 'TESTARM'
+FRAME_-77100_CLASS = 3
+FRAME_-77100_CLASS_ID = -77100
+FRAME_-77100_CENTER = -77
+CK_-77100_SCLK = -77
+CK_-77100_SPK = -77
+\\begintext
+"""
+
+
+@pytest.mark.float64
+@pytest.mark.parametrize("kind", [3, 5])
+def test_an_arm_that_moves_on_a_spacecraft_that_turns(paths, tmp_path, cspice, rng, kind):
+    origin, knots = 820497600.0, np.arange(0, 991, 10.0)
+    (tmp_path / "arm.tf").write_text(ARM)
+    craft = orbits.pointing(tmp_path / "craft.bc", 3, knots, *orbits.slew(knots)[:2])
+    q, w, _ = orbits.slew(knots, 1e-3)
+    handle, ticks, spice = cspice.ckopn(str(tmp_path / "arm.bc"), "test", 0), knots * 65536, q * np.array([1.0, -1, -1, -1])
+    ends = (ticks[0], ticks[-1], -77100, "TESTDECK", True, "ARM")
+    cspice.furnsh(orbits.clock(tmp_path, origin)[0])
+    cspice.furnsh(str(tmp_path / "arm.tf"))
+    if kind == 3:
+        cspice.ckw03(handle, *ends, len(ticks), ticks, spice, w, 1, ticks[:1])
+    else:
+        cspice.ckw05(handle, 1, 7, *ends, ticks, spice, 1 / 65536, 1, ticks[:1])
+    cspice.ckcls(handle)
+    cdata = made.coefficients(rng, 10, 3, 5)
+    spk = made.spk(tmp_path / "craft.bsp", [(2, -77, 399, "J2000", origin, origin + 1000, origin, 100.0, cdata)])
+    files = [*orbits.clock(tmp_path, origin), tmp_path / "arm.tf", craft, tmp_path / "arm.bc", spk]
+    tolerance = jf.spice.Tolerance(angle=1e-7) if kind == 5 else None
+    with jf.spice.Kernels([*paths, *files]) as kernels:
+        tree = kernels.tree(frames=["TESTARM"], start=origin, stop=origin + 990.0, ck="spice", tolerance=tolerance)
+    assert [tree.parent(name) for name in ("TESTARM", "TESTDECK")] == ["TESTDECK", "TESTCRAFT"]
+    for file in files:
+        cspice.furnsh(str(file))
+    times = origin + np.append(rng.integers(1, 989 * 64, 50) / 64, 960.0)
+    motion = tree.motion(tree.state(time=times), of="TESTARM", relative_to="SSB")
+    rotations, spins = zip(*(cspice.xf2rav(cspice.sxform("J2000", "TESTARM", t)) for t in times), strict=True)
+    found = angles(matrices(motion.transform.rotation.wxyz), np.array([m.T for m in rotations])).max()
+    assert found <= (1e-14 if kind == 3 else 1e-7)
+    assert np.abs(np.asarray(motion.velocity.angular) - np.array(spins)).max() <= (1e-15 if kind == 3 else 1e-6)
