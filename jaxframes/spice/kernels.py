@@ -245,12 +245,12 @@ class Kernels(Inventory):
         fields = {"legs": made, "reference": pairs(Fraction(reference)), "span": pairs(*(x - reference for x in bounds)), "info": info}
         return kind(**fields, **more)  # pyright: ignore[reportCallIssue]
 
-    def _join(self, parts: list[tuple[Piece, np.ndarray | None]], sign: int, start: Fraction) -> tuple[build.HostLeg, list[str]]:
+    def _join(self, parts: list[tuple[Piece, np.ndarray | None]], sign: int, start: Fraction) -> tuple[build.HostLeg, list[float]]:
         records = []
         for piece, rotation in parts:
             read = extract.read(self._process, piece)
             records.append(read if rotation is None else build.rotated(read, rotation))
-        return build.join(records, sign, reference_day(start)), [r.note for r in records if r.note]
+        return build.join(records, sign, reference_day(start)), [r.apart for r in records]
 
     def _rotation(self, segment: Segment, axes: str) -> np.ndarray | None:
         """Return the matrix from a segment's own inertial frame to another, None where they are the same."""

@@ -53,12 +53,11 @@ def read_nodes(process: KernelProcess, piece: Piece) -> Records:
     coefficients = np.concatenate(parts)
     if not np.isfinite(coefficients).all():
         raise damaged(segment, "its states cannot be interpolated")
-    note = "" if segment.type in HERMITE else f"{segment.describe()}: SPICE's own velocities differ by up to {worst * 1e3:.2g} m/s"
     step = Fraction(float(edges[-1] - edges[0])) / len(first)
     origin = Fraction(float(edges[0]))
     even = np.abs(edges - (edges[0] + float(step) * np.arange(len(edges)))).max() <= min(1e-6, 1e-7 * float(step))
     inner = None if even else tuple(Fraction(float(e)) for e in edges[1:-1])
-    return Records(coefficients, middle, radius, origin, step, piece.start, piece.stop, inner, note)
+    return Records(coefficients, middle, radius, origin, step, piece.start, piece.stop, inner, worst * 1e3)
 
 
 def _directory(process: KernelProcess, segment: Segment) -> tuple[np.ndarray, int]:

@@ -106,7 +106,7 @@ class Records:
         start: Instant from which the first record serves.
         stop: Instant up to which the last one serves.
         inner: Instants between the records where these are of unequal length; None where they are ``step`` long.
-        note: What the report says about the conversion.
+        apart: By how much SPICE's own velocities differ from the derivatives of its positions, m/s.
     """
 
     coefficients: np.ndarray
@@ -117,7 +117,7 @@ class Records:
     start: Fraction
     stop: Fraction
     inner: tuple[Fraction, ...] | None = None
-    note: str = ""
+    apart: float = 0.0
 
     def starts(self) -> list[Fraction]:
         """Return the exact instant from which each record serves."""

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from fractions import Fraction
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jaxframes.errors import NoPathError
@@ -9,7 +10,7 @@ from jaxframes.spice import build, compose, fit
 from jaxframes.spice.info import EXTRACTION
 from jaxframes.spice.paths import translation_legs
 from jaxframes.spice.search import Tolerance
-from jaxframes.spice.segments import Piece
+from jaxframes.spice.segments import Piece, Segment
 from jaxframes.spice.tables import TranslationTable
 from jaxframes.spice.times import Instant, reference_day
 
@@ -71,11 +72,25 @@ def extracted(kernels: "Kernels", of: int, relative: int, axes: str, bounds: tup
         NoPathError: If the bodies are not connected, or a segment is not made of polynomials.
         CoverageError: If the kernels do not cover the span.
     """
-    legs, pieces, notes = [], [], []
+    legs, pieces, apart = list[build.HostLeg](), list[Piece](), list[float]()
     for sign, own in translation_legs(of, relative, kernels._segments, *bounds, kernels._name):
         parts = [(piece, kernels._rotation(piece.segment, axes)) for piece in own]
         leg, said = kernels._join(parts, sign, bounds[0])
         legs.append(leg)
         pieces += own
-        notes += said
-    return Extracted(legs, pieces, tuple(dict.fromkeys(notes)))
+        apart += said
+    return Extracted(legs, pieces, _velocities(pieces, apart))
+
+
+def _velocities(pieces: list[Piece], apart: list[float]) -> tuple[str, ...]:
+    """Return a line for each file in which SPICE's velocities are not the derivatives of its positions."""
+    worst: dict[tuple[str, int, int], dict[Segment, float]] = {}
+    for piece, size in zip(pieces, apart, strict=True):
+        if size:
+            own = worst.setdefault((Path(piece.segment.path).name, piece.segment.type, piece.segment.body), {})
+            own[piece.segment] = max(size, own.get(piece.segment, 0.0))
+    return tuple(
+        f"{len(sizes)} segment{'s' if len(sizes) > 1 else ''} (type {kind}, id {body}) of {name}: "
+        f"SPICE's own velocities differ by up to {max(sizes.values()):.2g} m/s"
+        for (name, kind, body), sizes in worst.items()
+    )
