@@ -3,15 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import TypeAlias
 
 import numpy as np
 
 from jaxframes.errors import BadKernelError
+from jaxframes.spice import doubles
 from jaxframes.spice.segments import Records
 from jaxframes.spice.times import two_parts
 
 METRES = 1000.0
 MOST_CELLS = 8
+Starts: TypeAlias = list[Fraction] | doubles.Pair
+"""Instants in order: exact numbers, or all of them in two parts."""
 
 
 @dataclass(frozen=True)
@@ -89,43 +93,57 @@ def _index(parts: Sequence[Records], reference: int) -> tuple[dict[str, np.ndarr
     return irregular(starts, parts[-1].stop - reference)
 
 
-def index(starts: Sequence[Fraction], stop: Fraction) -> tuple[dict[str, np.ndarray], int]:
+def index(starts: Starts, stop: Fraction) -> tuple[dict[str, np.ndarray], int]:
     """Return the arrays that find a record by time, and how many comparisons they need.
 
     Args:
-        starts: Where each record starts to serve, seconds past the reference, in order.
+        starts: Where each record starts to serve, seconds past the reference, in order: exact numbers, or an array of two parts.
         stop: Where the last one ends.
     """
-    step = (stop - starts[0]) / len(starts)
-    middle = (starts[len(starts) // 2] - starts[0]) / max(len(starts) // 2, 1)
+    high, low = _pair(starts)
+    count, origin = len(high), Fraction(high[0]) + Fraction(low[0])
+    half = count // 2
+    step, middle = (stop - origin) / count, (Fraction(high[half]) + Fraction(low[half]) - origin) / max(half, 1)
     for length in (step, middle):  # the last record may be cut short
-        if all(abs(s - (starts[0] + i * length)) <= length / 10**10 for i, s in enumerate(starts)) and stop <= starts[-1] + length * 2:
-            return {"grid": np.array([*two_parts(starts[0]), float(length)])}, 0
-    return irregular(starts, stop)
+        width = [np.full(count, part) for part in two_parts(length)]
+        line = doubles.multiply((np.arange(float(count)), np.zeros(count)), (width[0], width[1]))
+        off = doubles.add(doubles.add((high, low), (-line[0], -line[1])), (np.full(count, -high[0]), np.full(count, -low[0])))[0]
+        last = Fraction(high[-1]) + Fraction(low[-1])
+        if np.abs(off).max() <= float(length) / 1e10 and stop <= last + length * 2:
+            return {"grid": np.array([*two_parts(origin), float(length)])}, 0
+    return irregular((high, low), stop)
 
 
-def irregular(starts: Sequence[Fraction], stop: Fraction) -> tuple[dict[str, np.ndarray], int]:
+def irregular(starts: Starts, stop: Fraction) -> tuple[dict[str, np.ndarray], int]:
     """Return what ``index`` does, for records of unequal length.
 
     Raises:
         BadKernelError: If the records are not in time order.
     """
-    begins = [*starts[1:], stop]
-    if any(a >= b for a, b in zip(starts, begins, strict=True)):
+    high, low = _pair(starts)
+    origin, last = (Fraction(high[i]) + Fraction(low[i]) for i in (0, -1))
+    lengths = np.append(doubles.add((high[1:], low[1:]), (-high[:-1], -low[:-1]))[0], float(stop - last))
+    if (lengths <= 0).any():
         raise BadKernelError("records of the kernels loaded are not in time order")
-    span = stop - starts[0]
-    shortest = min(b - a for a, b in zip(starts, begins, strict=True))
+    span, count = stop - origin, len(high)
     # A cell no wider than the shortest record needs one comparison; a sliver of a record gets more comparisons, not millions of cells.
-    cells = min(-(-span // shortest), MOST_CELLS * len(starts) + 64)
+    cells = min(-(-span // Fraction(lengths.min())), MOST_CELLS * count + 64)
     width = float(span / cells)
-    edges = np.array([float(start - starts[0]) for start in starts])
+    edges = doubles.add((high, low), (np.full(count, -high[0]), np.full(count, -low[0])))[0]
     corners = np.arange(cells) * width
     slack = 1e-9 * width
     first = np.searchsorted(edges, corners, side="right") - 1
-    last = np.searchsorted(edges, corners + width + slack, side="right") - 1
-    ends = np.array([two_parts(start) for start in starts[1:]] + [(np.inf, 0.0)])
-    grid = np.array([*two_parts(starts[0]), width])
-    return {"grid": grid, "first": first.astype(np.float64), "ends": ends}, int((last - first).max())
+    final = np.searchsorted(edges, corners + width + slack, side="right") - 1
+    ends = np.stack([np.append(high[1:], np.inf), np.append(low[1:], 0.0)], 1)
+    grid = np.array([*two_parts(origin), width])
+    return {"grid": grid, "first": first.astype(np.float64), "ends": ends}, int((final - first).max())
+
+
+def _pair(starts: Starts) -> doubles.Pair:
+    if isinstance(starts, tuple):
+        return starts
+    high, low = np.array([two_parts(start) for start in starts], float).reshape(-1, 2).T
+    return high, low
 
 
 def _is_uniform(parts: Sequence[Records]) -> bool:

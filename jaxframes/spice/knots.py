@@ -175,7 +175,7 @@ def _straight(intervals: Intervals, clock: Clock) -> Intervals | None:
 
 def _rows(
     intervals: Intervals, t0: doubles.Pair, t1: doubles.Pair, reference: int, ck: str
-) -> tuple[list[Fraction], np.ndarray, list[tuple[Fraction, Fraction]]]:
+) -> tuple[doubles.Pair, np.ndarray, list[tuple[Fraction, Fraction]]]:
     """Return where each row starts to serve, seconds past the reference, the rows, and the gaps (ET)."""
     past = doubles.add(t0, (np.full(len(t0[0]), -float(reference)), np.zeros(len(t0[0]))))
     length = doubles.add(t1, (-t0[0], -t0[1]))[0]
@@ -188,21 +188,14 @@ def _rows(
         uneven = ~intervals.even[:, None]  # an even spin is as it is, in whatever seconds the kernel's rate may be
         vectors = tuple((w - mean) * (length[:, None] / 2) * uneven for w in (intervals.w0, intervals.w1))
     rows = np.concatenate([intervals.q, axis, half[:, None], *vectors, past[0][:, None], past[1][:, None], length[:, None]], 1)
-    exact = [Fraction(a) + Fraction(b) for a, b in zip(*past, strict=True)]
-    ends = [Fraction(a) + Fraction(b) - reference for a, b in zip(*t1, strict=True)]
-    out, starts, gaps = [], [], []
+    until = doubles.add(t1, (np.full(len(t1[0]), -float(reference)), np.zeros(len(t1[0]))))
+    pause = doubles.add(until, (np.full(len(t1[0]), float(GRACE)), np.zeros(len(t1[0]))))
     nothing = np.zeros(rows.shape[1])
     nothing[[0, 4]], nothing[-1] = 1.0, np.nan
     empty = np.flatnonzero(t0[0][1:] - t1[0][:-1] > 2 * float(GRACE))
-    at = 0
-    for i in empty:
-        out += [rows[at : i + 1], nothing[None]]
-        starts += [*exact[at : i + 1], ends[i] + GRACE]
-        gaps.append((ends[i] + reference, exact[i + 1] + reference))
-        at = int(i) + 1
-    out.append(rows[at:])
-    starts += exact[at:]
-    return starts, np.concatenate(out), gaps
+    gaps = [tuple(Fraction(t[0][i]) + Fraction(t[1][i]) + reference for t, i in ((until, e), (past, e + 1))) for e in empty]
+    starts = tuple(np.insert(serve, empty + 1, rest[empty]) for serve, rest in zip(past, pause, strict=True))
+    return starts, np.insert(rows, empty + 1, nothing, axis=0), gaps  # pyright: ignore[reportReturnType]
 
 
 def _measured(intervals: Intervals, t0: doubles.Pair, t1: doubles.Pair) -> tuple[tuple[str, float], ...]:
