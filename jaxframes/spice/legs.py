@@ -1,6 +1,6 @@
 """A leg: one run of Chebyshev records as arrays, and finding the record that serves an instant."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import jax
@@ -50,6 +50,21 @@ class Leg:
     def bytes(self) -> int:
         """Size of the arrays."""
         return sum(a.nbytes for a in (self.rows, self.grid, self.first, self.ends, self.low) if a is not None)
+
+    @property
+    def gaps(self) -> np.ndarray:
+        """Which rows stand for a gap, bool [..., n]: all of their numbers are finite but the length."""
+        rows = np.asarray(self.rows)
+        return np.isnan(rows[..., -1]) & np.isfinite(rows[..., :-1]).all(-1)
+
+    def unmarked(self) -> "Leg":
+        """Return the leg with finite numbers in place of the marks of gaps and of the open end of the last record."""
+        rows, ends = np.array(self.rows), self.ends
+        rows[..., -1] = np.where(self.gaps, 0.0, rows[..., -1])
+        if ends is not None:
+            ends = np.array(ends)
+            ends[..., -1, 0] = np.where(ends[..., -1, 0] == np.inf, 0.0, ends[..., -1, 0])
+        return replace(self, rows=rows, ends=ends)  # pyright: ignore[reportArgumentType]
 
     def record(self, dt_hi: jax.Array, dt_lo: jax.Array) -> jax.Array:
         """Return the index (int32 [...]) of the record that serves an instant; the first or last one outside.

@@ -47,6 +47,15 @@ class Table(Edge):
             legs=tuple(_recast_leg(old, new, dtype) for old, new in zip(self.legs, plain.legs, strict=True)),
         )
 
+    @property
+    def has_gaps(self) -> bool:
+        """Whether there are instants without data between its first and its last."""
+        return any(leg.gaps.any() for leg in self.legs)
+
+    def checkable(self) -> Self:
+        """Return the table without the marks of its gaps and of the open end of its last record."""
+        return self.replace(legs=tuple(leg.unmarked() for leg in self.legs))
+
     def add_to_tree(self, builder: Any, *, body: str | int, frame: str | int | None, tables: Any = None) -> str:
         """Find or add the frame of a body in a builder, from these tables; see ``TreeBuilder.add_spice``."""
         from jaxframes.spice.places import TableSource, place

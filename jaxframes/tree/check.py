@@ -37,7 +37,7 @@ def _norm_off(wxyz: Any) -> Any:
 def _edges(tree: Any) -> Iterator[str]:
     for name, edge in tree.edges.items():
         about = f"frame {name!r}: a parameter of its edge ({edge.describe()})"
-        for path, leaf in jax.tree_util.tree_flatten_with_path(edge)[0]:
+        for path, leaf in jax.tree_util.tree_flatten_with_path(edge.checkable())[0]:
             values = np.asarray(leaf)
             if np.issubdtype(values.dtype, np.floating) and "limits" not in jax.tree_util.keystr(path) and not np.isfinite(values).all():
                 yield f"{about}, {jax.tree_util.keystr(path)[1:]}, is not finite"
@@ -115,6 +115,6 @@ def _times(tree: Any, state: State) -> Iterator[str]:
     codes = tree.coverage(state)
     for name, code in codes.items():
         code = np.where(clock, np.asarray(code), 0)
-        for side, word in ((-1, "before"), (1, "after")):
+        for side, word in ((-1, "before"), (1, "after (or in a gap of)" if tree.edge(name).has_gaps else "after")):
             if (code == side).any():
                 yield f"frame {name!r}: the time lies {word} the span of its edge ({tree.edge(name).describe()}){_where(code == side)}"

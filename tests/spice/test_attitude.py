@@ -1,5 +1,6 @@
 """Attitudes of C-kernels written here, whose truth is known: against live CSPICE and against the truth; gaps, precedence, clocks."""
 
+import dataclasses
 import time
 
 import jax
@@ -117,6 +118,11 @@ def test_gaps_are_kept_named_and_nan(tmp_path, cspice, dtype):
     motion = tree.motion(state, of="craft", relative_to="j2000")
     np.testing.assert_allclose(motion.velocity.angular, values[1][2], rtol=1e-5)
     np.testing.assert_allclose(motion.acceleration.angular, values[2][2], rtol=1e-4, atol=1e-12)
+    assert tree.check(state) == ()  # the marks of gaps and of the last record's open end are no errors
+    (line,) = tree.check(state.replace(time=jf.Epoch(jnp.asarray(ORIGIN, dtype), jnp.asarray(150.0, dtype))))
+    assert "frame 'craft': the time lies after (or in a gap of) the span" in line
+    broken = edge.replace(legs=(dataclasses.replace(edge.legs[0], rows=edge.legs[0].rows.at[2, 3].set(jnp.nan)),))
+    assert any("legs[0].rows, is not finite" in line for line in tree.with_edge("craft", broken).check(state))
 
 
 @pytest.mark.float64

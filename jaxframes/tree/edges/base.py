@@ -141,6 +141,15 @@ class Edge:
         jax.tree.map(lambda x: found.append(x.wxyz) if isinstance(x, Rotation) else None, self, is_leaf=lambda x: isinstance(x, Rotation))
         return tuple(found)
 
+    @property
+    def has_gaps(self) -> bool:
+        """Whether there are instants without data between its first and its last."""
+        return False
+
+    def checkable(self) -> Self:
+        """Return the edge as a check reads it: without the infinities and NaN that mean something."""
+        return self
+
     def replace(self, **changes: Any) -> Self:
         """Return a copy with the fields given replaced, taken as they are (values may be traced)."""
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}  # pyright: ignore[reportArgumentType]
