@@ -88,7 +88,7 @@ def attitude(
         "method": f"knots of C-kernels, ck={ck!r}",
         "measured": measured,
         "notes": _notes(used, gaps, (low, high), bounds),
-        "segments": tuple(f"{s.describe()}, frame id {s.frame}" for s in used),
+        "segments": tuple(dict.fromkeys(f"{s.describe()}, frame id {s.frame}" for s in used)),
     }
     names = (of["name"], of["id"], base["name"], base["id"], base["name"])
     files = [Path(p) for p in sorted({s.path for s in used})]
