@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import FrameError
-from jaxframes.numerics.boundary import as_float, default_float, is_concrete
+from jaxframes.numerics.boundary import default_float, is_concrete
 from jaxframes.numerics.eft import fast_two_sum, two_sum
 from jaxframes.spatial import calendar
 from jaxframes.spatial.calendar import tdb_seconds, tdb_text
@@ -59,8 +59,8 @@ class Epoch:
 
     @classmethod
     def from_parts(cls, hi: Any, lo: Any) -> "Epoch":
-        """Return the epoch ``hi + lo`` seconds past J2000 TDB of two arrays of one shape [...], e.g. whole and fraction."""
-        return cls(*two_sum(as_float(hi), as_float(lo)))
+        """Return the epoch ``hi + lo`` seconds past J2000 TDB, e.g. whole and fraction, [...] each; both are taken as ``from_et`` does."""
+        return cls.from_et(hi) + lo
 
     @classmethod
     def from_tdb(cls, text: str | Sequence[Any]) -> "Epoch":
@@ -121,13 +121,13 @@ class Epoch:
     @classmethod
     def from_tt_parts(cls, hi: Any, lo: Any = 0.0, *, leap_seconds: LeapSeconds | None = None) -> "Epoch":
         """Return the epoch ``hi + lo`` seconds past J2000 TT (2000-01-01T12:00:00 TT) of arrays [...]; traceable."""
-        table, given = leap_seconds or SHIPPED_LEAP_SECONDS, cls.from_parts(*_whole_parts(hi, lo))
+        table, given = leap_seconds or SHIPPED_LEAP_SECONDS, cls.from_parts(hi, lo)
         return cls(*table.tdb_parts(given.hi, given.lo))
 
     @classmethod
     def from_tai_parts(cls, hi: Any, lo: Any = 0.0, *, leap_seconds: LeapSeconds | None = None) -> "Epoch":
         """Return the epoch ``hi + lo`` seconds past 2000-01-01T12:00:00 TAI of arrays [...]; traceable."""
-        table, given = leap_seconds or SHIPPED_LEAP_SECONDS, cls.from_parts(*_whole_parts(hi, lo))
+        table, given = leap_seconds or SHIPPED_LEAP_SECONDS, cls.from_parts(hi, lo)
         return cls(*table.tdb_parts(*table.tai_parts(given.hi, given.lo, 1)))
 
     @classmethod
@@ -251,8 +251,3 @@ class Epoch:
                 return f"Epoch({self.to_tdb(6)} TDB)"
             return f"Epoch(shape={np.shape(self.hi)})"
         return f"Epoch(hi={self.hi!r}, lo={self.lo!r})"
-
-
-def _whole_parts(hi: Any, lo: Any) -> tuple[jax.Array, jax.Array]:
-    hi = as_float(hi)
-    return hi, jnp.broadcast_to(jnp.asarray(lo, hi.dtype), hi.shape)

@@ -78,7 +78,8 @@ class LeapSeconds:
 
     def tai_parts(self, hi: Any, lo: Any, sign: int) -> tuple[Any, Any]:
         """Return TAI (sign -1) of TT, or TT (+1) of TAI, in two parts each; traceable."""
-        return _sum(hi, lo, sign * float(self.tt_minus_tai))
+        offset, rest = parts.split_exact(sign * self.tt_minus_tai, hi.dtype)
+        return _sum(*_sum(hi, lo, offset), rest)
 
     def tdb_of_utc(self, text: str) -> Fraction:
         """Return the exact seconds past J2000 TDB of calendar text in UTC, leap seconds included.
