@@ -2,7 +2,7 @@
 
 import datetime
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -13,8 +13,9 @@ import numpy as np
 from jaxframes.errors import FrameError
 from jaxframes.numerics.boundary import default_float, is_concrete
 from jaxframes.numerics.eft import fast_two_sum, two_sum
-from jaxframes.spatial import calendar
+from jaxframes.spatial import calendar, grid
 from jaxframes.spatial.calendar import tdb_seconds, tdb_text
+from jaxframes.spatial.order import Ordered
 from jaxframes.spatial.parts import batch, same_rank, split, split_exact, two_parts
 from jaxframes.spatial.utc import SHIPPED_LEAP_SECONDS, LeapSeconds
 from jaxframes.spatial.value import tag
@@ -25,12 +26,15 @@ DURATION = "a duration is seconds, a timedelta or a timedelta64"
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, eq=False)
-class Epoch:
+class Epoch(Ordered):
     """An instant: ``hi + lo`` seconds past J2000 (2000-01-01T12:00:00) in barycentric dynamical time, TDB.
 
     One 64-bit number of seconds in 2026 is spaced 1.2e-7 s, in which the Moon moves 0.1 mm and the Earth 3.6 mm; one 32-bit
     number is spaced 64 s. Two parts resolve 1e-23 s and 4e-6 s. ``hi`` and ``lo`` have one shape [...]; both are leaves, and
     the derivative of anything with respect to either is its time derivative. Durations are plain seconds.
+
+    Batches are indexed, iterated over, reshaped and joined (``jf.stack``, ``jf.concatenate``) as the other values are. ``==``, ``!=``,
+    ``<``, ``<=``, ``>`` and ``>=`` compare elementwise and exactly, both parts together, and return booleans [...].
 
     Example:
         >>> import jaxframes as jf
@@ -39,8 +43,6 @@ class Epoch:
         0.5
     """
 
-    __array_ufunc__ = None  # so that a NumPy array on the left lets this class answer
-    __array_priority__ = 1000
     hi: jax.Array
     lo: jax.Array
     kind: str = tag("Epoch")
@@ -61,6 +63,35 @@ class Epoch:
     def from_parts(cls, hi: Any, lo: Any) -> "Epoch":
         """Return the epoch ``hi + lo`` seconds past J2000 TDB, e.g. whole and fraction, [...] each; both are taken as ``from_et`` does."""
         return cls.from_et(hi) + lo
+
+    @classmethod
+    def linspace(cls, start: Any, stop: Any, num: int, *, endpoint: bool = True) -> "Epoch":
+        """Return ``num`` epochs evenly spread from one to another, [num, ...]; nothing is lost in their spacing; traceable.
+
+        Args:
+            start: First epoch [...], or what ``from_et`` takes.
+            stop: Last epoch, which the last one returned is exactly.
+            num: How many.
+            endpoint: Whether ``stop`` is among them.
+
+        Raises:
+            FrameError: ``num`` is no count.
+        """
+        return grid.linspace(cls.from_et(start), cls.from_et(stop), num, endpoint)
+
+    @classmethod
+    def arange(cls, start: Any, stop: Any, step: Any) -> "Epoch":
+        """Return the epochs start, start + step, ... before ``stop``, [n]: each ``start + i * step``, nothing added up (host only).
+
+        Args:
+            start: First epoch, or what ``from_et`` takes.
+            stop: Where to end; not among them.
+            step: Seconds, a ``Fraction``, ``timedelta`` or ``timedelta64``; not zero.
+
+        Raises:
+            FrameError: The step is no duration or zero, or an end is a batch or traced.
+        """
+        return grid.arange(cls.from_et(start), cls.from_et(stop), step)
 
     @classmethod
     def from_tdb(cls, text: str | Sequence[Any]) -> "Epoch":
@@ -154,7 +185,7 @@ class Epoch:
     @property
     def shape(self) -> tuple[int, ...]:
         """Batch shape."""
-        return jnp.broadcast_shapes(jnp.shape(self.hi), jnp.shape(self.lo))
+        return np.broadcast_shapes(np.shape(self.hi), np.shape(self.lo))
 
     def __add__(self, seconds: Any) -> "Epoch":
         """Return the epoch a duration later; nothing of it is lost.
@@ -186,13 +217,12 @@ class Epoch:
         s, e = two_sum(a, -b)
         return s + (e + (c - d))
 
-    def __getitem__(self, index: Any) -> "Epoch":
-        hi, lo = same_rank(self.hi, self.lo)
-        return Epoch(hi[index], lo[index])
-
-    def replace(self, **changes: Any) -> "Epoch":
-        """Return a copy with the fields given replaced."""
-        return replace(self, **changes)
+    def __hash__(self) -> int:
+        """Return the hash of the instant, if it is one and known: those that are equal have one hash; that of the object else."""
+        try:
+            return hash(self._exact())
+        except (FrameError, TypeError, ValueError):
+            return object.__hash__(self)
 
     @property
     def tt(self) -> tuple[jax.Array, jax.Array]:
