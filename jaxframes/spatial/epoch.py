@@ -165,11 +165,13 @@ class Epoch(Ordered):
     def _read(cls, text: Any, scale: str, seconds_of: Callable[[str], Fraction]) -> "Epoch":
         if isinstance(text, str):
             return cls._from_exact([seconds_of(text)])
-        if not isinstance(text, (list, tuple, np.ndarray)):
-            count = " A count of UTC seconds would skip or repeat leap seconds." if scale == "UTC" else ""
-            raise FrameError(f"{scale} is read from calendar text such as '2026-03-01T00:00:00', found {text!r}.{count}")
-        parts = [cls._read(item, scale, seconds_of) for item in (text.tolist() if isinstance(text, np.ndarray) else text)]
-        return cls(jnp.stack([p.hi for p in parts]), jnp.stack([p.lo for p in parts]))
+        wanted = f"{scale} is read from calendar text such as '2026-03-01T00:00:00'"
+        if scale == "UTC" and isinstance(text, (int, float, np.number, jax.Array)):
+            wanted += " (a count of UTC seconds would skip or repeat leap seconds)"
+        if isinstance(text, (datetime.date, np.datetime64)) or getattr(getattr(text, "dtype", None), "kind", "") == "M":
+            wanted += ", datetimes by Epoch.from_datetime"
+        dates, shape = batch(text, str, wanted)
+        return cls._from_exact([seconds_of(date) for date in dates], shape)
 
     @classmethod
     def _from_exact(cls, seconds: Sequence[Fraction], shape: tuple[int, ...] = ()) -> "Epoch":
