@@ -138,7 +138,8 @@ class LeapSeconds:
         Raises:
             FrameError: The instant lies before the first entry of the table.
         """
-        ticks, unit = round((self.tt_of_tdb(tdb) - self.tt_minus_tai) * 10**digits), 10**digits
+        unit = 10 ** calendar.checked_digits(digits)
+        ticks = round((self.tt_of_tdb(tdb) - self.tt_minus_tai) * unit)
         for i in range(len(self.starts) - 1, -1, -1):
             start, offset = self.starts[i]
             if ticks >= (start * DAY - NOON + offset) * unit:

@@ -134,6 +134,15 @@ def test_a_batch_reaches_the_device_at_once(rng, monkeypatch):
     assert [exact(e) for e in together.reshape(60)] == [exact(e) for e in alone]
 
 
+@pytest.mark.parametrize("digits", [-1, 2.5, "3", None, True, 31])
+def test_decimals_that_cannot_be_written(digits):
+    epoch = jf.Epoch.from_utc("2026-03-01")
+    for write in (epoch.to_tdb, epoch.to_tt, epoch.to_tai, epoch.to_utc):
+        with pytest.raises(jf.FrameError, match="digits is how many decimals"):
+            write(digits)
+    assert epoch.to_utc(12) == "2026-03-01T00:00:00.000000000000" or epoch.dtype == np.float32
+
+
 def test_batches_that_are_none():
     assert jf.Epoch.from_utc([]).shape == (0,)
     assert jf.Epoch.from_tdb([[], []]).shape == (2, 0)
