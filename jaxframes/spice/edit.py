@@ -96,13 +96,14 @@ def merge(*tables: Any) -> Any:
     reference = Fraction(info.reference)
     legs, keep = [], []
     for k, leg in enumerate(first.legs):
-        arrays, keep, starts = [], [], []
+        arrays, keep, starts, last = [], [], [], None
         for part, begin in zip(parts, begins, strict=True):
             own = from_leg(part.legs[k])
             shift = Fraction(part.info.reference) - reference
             edges = [s + shift for s in starts_of(own)]
             rows = _shifted(own["rows"], shift, part.legs[k].series, max(p.legs[k].rows.shape[1] for p in parts))
-            same = bool(arrays) and np.array_equal(rows[0], arrays[-1][-1], equal_nan=True)  # one record cut in two
+            same = last is not None and np.array_equal(rows[0], last, equal_nan=True)  # one record cut in two
+            last = rows[-1]
             if not same:
                 edge = edges[0]
                 starts.append(edge if not arrays or abs(edge - (begin - reference)) <= CLOSE else begin - reference)
