@@ -116,7 +116,7 @@ def irregular(starts: Sequence[Fraction], stop: Fraction) -> tuple[dict[str, np.
     span = stop - starts[0]
     shortest = min(b - a for a, b in zip(starts, begins, strict=True))
     # A cell no wider than the shortest record needs one comparison; a sliver of a record gets more comparisons, not millions of cells.
-    cells = min(-(-span // shortest), MOST_CELLS * len(starts) + 64)
+    cells = cells_of(len(starts), span, shortest)
     width = float(span / cells)
     edges = np.array([float(start - starts[0]) for start in starts])
     corners = np.arange(cells) * width
@@ -126,6 +126,11 @@ def irregular(starts: Sequence[Fraction], stop: Fraction) -> tuple[dict[str, np.
     ends = np.array([two_parts(start) for start in starts[1:]] + [(np.inf, 0.0)])
     grid = np.array([*two_parts(starts[0]), width])
     return {"grid": grid, "first": first.astype(np.float64), "ends": ends}, int((last - first).max())
+
+
+def cells_of(count: int, span: Fraction, shortest: Fraction) -> int:
+    """Return how many cells find one of so many records of unequal length, the shortest so long, over a span."""
+    return int(min(-(-span // shortest), MOST_CELLS * count + 64))
 
 
 def _is_uniform(parts: Sequence[Records]) -> bool:

@@ -5,49 +5,68 @@ from fractions import Fraction
 
 import numpy as np
 
-from jaxframes.errors import ToleranceError
-from jaxframes.spice.search import DEGREES, MARGIN, MOST_RECORDS, Choice, Model, Part, _errors, _text, record_bytes, verified
+from jaxframes.spice.records import (
+    DEGREES,
+    MOST_RECORDS,
+    Choice,
+    Model,
+    Part,
+    Span,
+    errors_of,
+    longest_length,
+    record_bytes,
+    table_bytes,
+    uniform_spans,
+    verified,
+)
+from jaxframes.spice.search import MARGIN
+from jaxframes.spice.tolerance import Goal
 
 CHECKS = 12
 FINEST = 2.0**-40  # of the longest part: a record that short follows nothing but jumps
 RETRIES = 3
 
 
-def dyadic(model: Model, parts: Sequence[Part], unit: Fraction, bounds: tuple[float, float], aim: str) -> Choice:
+def dyadic(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal) -> Choice:
     """Return the records to use, as ``search.search`` does.
 
     Every degree is followed down at once: records that are good enough for a degree are its leaves, the others are halved.
+
+    Raises:
+        ToleranceError: If no records are good enough, or those that are need more bytes than allowed.
     """
-    goal, floor = np.array(bounds) * MARGIN, (np.inf, np.inf)
+    limits, floor = np.array(goal.bounds) * MARGIN, np.full(2, np.inf)
     for _ in range(RETRIES):
-        degree, leaves = _leaves(model, parts, unit, goal, aim, bounds)
+        degree, leaves, worst = _leaves(model, parts, unit, limits)
+        floor = np.minimum(floor, worst)
+        if degree is None:
+            break
         found = verified(model, leaves, None, degree)
-        if found.worst[0] <= bounds[0] and found.worst[1] <= bounds[1]:
+        if goal.meets(found.worst):
+            needed = table_bytes(found, model.extras)
+            if goal.size is not None and needed > goal.size:
+                raise goal.too_small(needed)
             return found
-        goal = goal * 0.5
-        floor = found.worst
-    raise ToleranceError(f"{aim}: no table meets {_text(bounds)}; the best reached is {floor[0]:.2g} and {floor[1]:.2g}. Ask for less.")
+        floor = np.minimum(floor, found.worst)
+        limits = limits * 0.5
+    raise goal.unmet(floor)
 
 
-def _leaves(
-    model: Model, parts: Sequence[Part], unit: Fraction, goal: np.ndarray, aim: str, bounds: tuple[float, float]
-) -> tuple[int, list[tuple[Fraction, Fraction]]]:
-    longest = max(part.stop - part.start for part in parts)
-    length = unit * Fraction(2) ** int(np.ceil(np.log2(float(longest / unit))))
-    nodes = []
-    for part in parts:
-        first, last = part.cells(length)
-        nodes += [part.span(first, last, cell, length) for cell in range(first, last)]
+def _leaves(model: Model, parts: Sequence[Part], unit: Fraction, limits: np.ndarray) -> tuple[int | None, list[Span], np.ndarray]:
+    """Return the degree of the smallest table and its records; no degree if there is none; and the errors that stayed too large."""
+    length = unit * Fraction(2) ** longest_length(parts, unit)
+    shortest = max(part.stop - part.start for part in parts) * Fraction(FINEST)
+    nodes, _ = uniform_spans(parts, length)
     rng = np.random.default_rng(0)
     alive = np.ones(len(DEGREES), bool)
     open_ = np.ones((len(DEGREES), len(nodes)), bool)
-    leaves: list[list[tuple[Fraction, Fraction]]] = [[] for _ in DEGREES]
+    leaves: list[list[Span]] = [[] for _ in DEGREES]
     floor = np.full(2, np.inf)
     history: list[np.ndarray] = []
     while open_.any():
         a, b = np.array([[float(x) for x in node] for node in nodes]).T
-        errors = _errors(model, a, b, CHECKS, rng)
-        good = np.logical_and(*(errors <= goal[:, None, None]))
+        errors = errors_of(model, a, b, CHECKS, rng)
+        good = np.logical_and(*(errors <= limits[:, None, None]))
         for d in range(len(DEGREES)):
             leaves[d] += [nodes[i] for i in np.flatnonzero(open_[d] & good[d])]
         open_ = np.logical_and(open_, ~good)
@@ -61,8 +80,8 @@ def _leaves(
                 stalled = len(history) > 3 and bool(
                     (worst[:, d] > 0.7 * history[-3][:, d]).any()
                     and worst[0, d] < 1e-4 * model.scale
-                    and (worst[:, d] > goal).any()
-                    and all((worst[k, d] > 0.7 * history[-3][k, d]) or worst[k, d] <= goal[k] for k in (0, 1))
+                    and (worst[:, d] > limits).any()
+                    and all((worst[k, d] > 0.7 * history[-3][k, d]) or worst[k, d] <= limits[k] for k in (0, 1))
                 )
                 if pending * record_bytes(DEGREES[d], model.extras) >= best or pending > MOST_RECORDS or stalled:
                     alive[d], open_[d] = False, False
@@ -71,26 +90,23 @@ def _leaves(
         keep = open_.any(0)
         if not keep.any():
             break
-        if length < longest * Fraction(FINEST):
+        if length < shortest:
             alive &= ~open_.any(1)
             break
         halves, mask = [], []
         for i in np.flatnonzero(keep):
-            for piece in _halves(nodes[i], length, parts):
+            for piece in halved(nodes[i], length, parts):
                 halves.append(piece)
                 mask.append(open_[:, i])
         nodes, open_ = halves, np.array(mask).T
     sizes = [(len(leaves[d]) * record_bytes(DEGREES[d], model.extras), d) for d in range(len(DEGREES)) if alive[d]]
     if not sizes:
-        raise ToleranceError(
-            f"{aim}: no table meets {_text(bounds)}. The best reached is {floor[0]:.2g} and {floor[1]:.2g}: what CSPICE computes is not "
-            "smoother than that (its own rounding, the kernel's jumps between records). Ask for less."
-        )
+        return None, [], floor
     _, d = min(sizes)
-    return DEGREES[d], sorted(leaves[d])
+    return DEGREES[d], sorted(leaves[d]), floor
 
 
-def _halves(node: tuple[Fraction, Fraction], length: Fraction, parts: Sequence[Part]) -> list[tuple[Fraction, Fraction]]:
+def halved(node: Span, length: Fraction, parts: Sequence[Part]) -> list[Span]:
     """Return the parts of a record on the grid of half its cell's length; a record cut short by an end may stay whole."""
     a, b = node
     part = next(p for p in parts if p.start <= a and b <= p.stop)

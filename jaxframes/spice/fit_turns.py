@@ -15,10 +15,13 @@ from jaxframes.spice import quaternions as quat
 from jaxframes.spice.attitude import CayleyTable
 from jaxframes.spice.ck import segments_of
 from jaxframes.spice.clock import clock_of
-from jaxframes.spice.fit import slopes, spread, wanted
+from jaxframes.spice.fit import made
 from jaxframes.spice.knots import GRACE
-from jaxframes.spice.search import DEGREES, Choice, Part, search
+from jaxframes.spice.records import DEGREES, Choice, Part
+from jaxframes.spice.search import search
+from jaxframes.spice.state_model import slopes, spread
 from jaxframes.spice.times import exact_seconds, reference_day, span_text, two_parts
+from jaxframes.spice.tolerance import Goal
 
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
@@ -35,7 +38,6 @@ SLOPES = 300
 class TurnModel:
     """Attitudes o_T_p and angular velocities in o axes, as the Cayley vector of the turn from a uniformly spinning reference."""
 
-    kind = "orientation"
     extras = 8
     scale = 1.0
 
@@ -129,11 +131,12 @@ def orientation(kernels: "Kernels", request: "Request") -> CayleyTable:
     parts, unit = _parts(kernels, of, stretches)
     model = TurnModel(kernels, of["name"], base["name"])
     aim = f"{of['name']} relative to {base['name']} over {span_text(*bounds)}"
-    found = search(model, parts, unit, limits, None, request.layout, aim)
+    goal = Goal("orientation", limits, None, request.layout, aim)
+    found = search(model, parts, unit, goal)
     gaps = [(a[1], b[0]) for a, b in pairwise(stretches) if b[0] - a[1] > TOUCHING]
     leg, spins = _leg(found, reference_day(bounds[0]))
     measured = (("angle error, rad", found.worst[0]), ("rate error, rad/s", found.worst[1]), model.acceleration(found))
-    notes = [wanted(limits, None, found, model.extras), *(f"gap: {span_text(*gap)}" for gap in gaps[:20])]
+    notes = [made(goal, found, model.extras), *(f"gap: {span_text(*gap)}" for gap in gaps[:20])]
     notes += [f"{len(gaps)} gaps in all"] if gaps else []
     facts = {"method": f"{request.layout} fit of CSPICE's orientations, Cayley vectors", "measured": measured, "notes": tuple(notes)}
     names = (of["name"], of["id"], base["name"], base["id"], base["name"])

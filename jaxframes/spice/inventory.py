@@ -14,9 +14,9 @@ from jaxframes.spice.iau_read import has_text_pck
 from jaxframes.spice.leap import read_leap_seconds
 from jaxframes.spice.paths import Walk
 from jaxframes.spice.places import J2000, place
-from jaxframes.spice.search import Tolerance
 from jaxframes.spice.segments import coverage
 from jaxframes.spice.times import Instant
+from jaxframes.spice.tolerance import Tolerance
 from jaxframes.tree.builder import TreeBuilder
 from jaxframes.tree.edges.base import Edge
 from jaxframes.tree.tree import FrameTree

@@ -25,10 +25,10 @@ from jaxframes.spice.info import Info, Source, decimal
 from jaxframes.spice.inventory import Inventory
 from jaxframes.spice.legs import to_leg
 from jaxframes.spice.process import TIMEOUT, CspiceError, KernelProcess
-from jaxframes.spice.search import Tolerance
 from jaxframes.spice.segments import Piece, Segment, coverage
 from jaxframes.spice.tables import Table, TranslationTable
 from jaxframes.spice.times import Instant, exact_seconds, pairs, reference_day, span_text
+from jaxframes.spice.tolerance import Tolerance
 
 SOLAR_SYSTEM_BARYCENTER = ("SSB", "SOLAR SYSTEM BARYCENTER", "SOLAR_SYSTEM_BARYCENTER")
 

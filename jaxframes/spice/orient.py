@@ -14,9 +14,9 @@ from jaxframes.spice import build, fit_turns, knots
 from jaxframes.spice.iau_read import has_text_pck, model_axes, no_data, text_pck
 from jaxframes.spice.paths import orientation_pieces
 from jaxframes.spice.process import CspiceError
-from jaxframes.spice.search import Tolerance
 from jaxframes.spice.tables import OrientationTable
 from jaxframes.spice.times import Instant
+from jaxframes.spice.tolerance import Tolerance, checked_layout, checked_tolerance
 from jaxframes.tree.edges.base import Edge
 from jaxframes.tree.edges.rigid import Fixed
 
@@ -66,8 +66,10 @@ def _made(kernels: "Kernels", request: Request) -> Any:
 
     Raises:
         NoPathError: If there is no way for this class, or ``relative_to`` turns against it.
+        ToleranceError: If the tolerance is none, or a layout is asked for without one.
     """
     of, base = request.of, request.base
+    checked_layout(request.layout, checked_tolerance(request.tolerance) is not None)
     of_anchor, base_anchor = anchored(kernels, of), anchored(kernels, base)
     if of_anchor.axes["id"] == base_anchor.axes["id"] or (of_anchor.inertial and base_anchor.inertial):
         middle = kernels._process.call(

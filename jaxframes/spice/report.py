@@ -6,8 +6,7 @@ import numpy as np
 
 from jaxframes.spice.info import Info
 from jaxframes.spice.legs import Leg, from_leg
-
-UNITS = {"translation": ("m", "m/s", "m/s2"), "orientation": ("rad", "rad/s", "rad/s2")}
+from jaxframes.spice.tolerance import UNITS
 
 
 def report(info: Info, legs: Sequence[Leg], jumps: bool = True, more: int = 0) -> str:

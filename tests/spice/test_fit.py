@@ -72,6 +72,32 @@ def test_a_size_is_kept_and_used(kernels, rng):
 
 
 @pytest.mark.float64
+@pytest.mark.parametrize("layout", ["uniform", "dyadic"])
+@pytest.mark.parametrize("size", [4_000, 20_000, 60_000])
+def test_a_size_is_kept_in_both_layouts(kernels, rng, layout, size):
+    edge = kernels.translation(target="MOON", center="EARTH", size=size, layout=layout, **SPAN)
+    assert 0.5 * size < edge.legs[0].bytes <= size
+    even = kernels.translation(target="MOON", center="EARTH", size=size, **SPAN)
+    worst = jf.spice.compare(kernels, edge, seconds(rng, 500)).value
+    assert worst <= 1.5 * measured(edge, "position error")
+    assert measured(edge, "position error") <= measured(even, "position error")
+    with pytest.raises(ToleranceError, match=r"MOON .*: \d+ bytes are needed, more than size=100"):
+        kernels.translation(target="MOON", center="EARTH", size=100, layout=layout, **SPAN)
+
+
+@pytest.mark.float64
+def test_dyadic_records_of_a_size_go_where_the_motion_is_fast(cspice, tmp_path, rng):
+    times = np.arange(0.0, 172800.1, 60.0)
+    path = orbits.nodes(tmp_path / "13.bsp", 13, orbits.MOLNIYA, times, 11)
+    with jf.spice.Kernels(path) as kernels:
+        even, uneven = (kernels.translation(target=-77, center=399, size=30_000, layout=layout) for layout in ("uniform", "dyadic"))
+        at = rng.integers(0, 172800 * 64, 1000) / 64
+        worst = [jf.spice.compare(kernels, edge, at).value for edge in (even, uneven)]
+    assert uneven.legs[0].bytes <= 30_000
+    assert worst[1] < worst[0] / 20
+
+
+@pytest.mark.float64
 def test_light_time_corrected_states(kernels, rng):
     edge = kernels.translation(
         target="MARS BARYCENTER", center="EARTH", correction="CN+S", tolerance=T(position=1e-2, velocity=1e-6), **SPAN
@@ -80,7 +106,7 @@ def test_light_time_corrected_states(kernels, rng):
     assert worst.value <= 1e-2
     assert worst.rate <= 1e-6
     assert "corrected: CN+S" in edge.report()
-    with pytest.raises(ToleranceError, match=r"no table meets 0.0001 and inf. The best reached is 0.00\d+ and"):
+    with pytest.raises(ToleranceError, match=r"no table meets 0.0001 m. The best reached is 0.00\d+ m and"):
         kernels.translation(target="MARS BARYCENTER", center="EARTH", correction="CN", tolerance=T(position=1e-4), **SPAN)
     once = kernels.translation(target="MARS BARYCENTER", center="EARTH", correction="LT", tolerance=T(position=2e-2), **SPAN)
     assert "fit of CSPICE's positions, LT" in once.report()
@@ -127,6 +153,33 @@ def test_what_cannot_be_fitted_says_so(kernels):
         T(position=-1.0)
     with pytest.raises(ToleranceError, match="at least one"):
         T()
+
+
+@pytest.mark.parametrize("bad", [1.0, "1", (1.0, 1e-3), {"position": 1.0}])
+def test_what_is_no_tolerance(kernels, bad):
+    for make in (
+        lambda: kernels.translation(target="MOON", center="EARTH", tolerance=bad, **SPAN),
+        lambda: kernels.orientation(frame="ITRF93", tolerance=bad, **SPAN),
+    ):
+        with pytest.raises(ToleranceError, match=r"tolerance=.*: give jf\.spice\.Tolerance\(position="):
+            make()
+    for number in (True, "1", np.nan, np.inf, 0, -1, [1.0]):
+        with pytest.raises(ToleranceError, match="at least one"):
+            T(position=number)
+
+
+def test_layouts_and_sizes_that_mean_nothing(kernels):
+    for make in (
+        lambda layout: kernels.translation(target="MOON", center="EARTH", layout=layout, **SPAN),
+        lambda layout: kernels.orientation(frame="ITRF93", layout=layout, **SPAN),
+    ):
+        with pytest.raises(ToleranceError, match="layout='dyadic' is for fitted tables: give tolerance="):
+            make("dyadic")
+        with pytest.raises(ToleranceError, match="layout='square': records are 'uniform' or 'dyadic'"):
+            make("square")
+    for size in (0, -5, 1.5, "1000", True):
+        with pytest.raises(ToleranceError, match="give the most bytes"):
+            kernels.translation(target="MOON", center="EARTH", size=size, **SPAN)
 
 
 def test_two_parts_hold_the_moon_in_float32(kernels, cspice, rng, dtype):
