@@ -19,7 +19,7 @@ from jaxframes.spice.records import (
     uniform_spans,
     verified,
 )
-from jaxframes.spice.search import MARGIN
+from jaxframes.spice.search import MARGIN, probe
 from jaxframes.spice.tolerance import Goal
 
 CHECKS = 12
@@ -30,15 +30,21 @@ RETRIES = 3
 def dyadic(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal) -> Choice:
     """Return the records to use, as ``search.search`` does.
 
-    Every degree is followed down at once: records that are good enough for a degree are its leaves, the others are halved.
+    Every degree is followed down at once: records that are good enough for a degree are its leaves, the others are halved. Whether
+    that can end well is asked of a few records of each length first: where none of these is good enough, however short, no halving
+    helps, and following every record down to there takes minutes.
 
     Raises:
         ToleranceError: If no records are good enough, or those that are need more bytes than allowed.
     """
-    limits, floor = np.array(goal.bounds) * MARGIN, np.full(2, np.inf)
+    probed = probe(model, parts, unit, goal)
+    limits = np.array(goal.bounds) * MARGIN
+    met = [error for entry in probed.levels for error in entry.errors.T]
     for _ in range(RETRIES):
-        degree, leaves, worst = _leaves(model, parts, unit, limits)
-        floor = np.minimum(floor, worst)
+        if probed.stalled and not any((entry.errors <= limits[:, None]).all(0).any() for entry in probed.levels):
+            break
+        degree, leaves, stayed = _leaves(model, parts, unit, limits)
+        met = [error for error in [*met, *stayed] if not goal.meets(error)]  # what a few epochs promised was not kept
         if degree is None:
             break
         found = verified(model, leaves, None, degree)
@@ -47,13 +53,13 @@ def dyadic(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal) -> C
             if goal.size is not None and needed > goal.size:
                 raise goal.too_small(needed)
             return found
-        floor = np.minimum(floor, found.worst)
+        met.append(np.array(found.worst))
         limits = limits * 0.5
-    raise goal.unmet(floor)
+    raise goal.unmet(goal.best(met))
 
 
-def _leaves(model: Model, parts: Sequence[Part], unit: Fraction, limits: np.ndarray) -> tuple[int | None, list[Span], np.ndarray]:
-    """Return the degree of the smallest table and its records; no degree if there is none; and the errors that stayed too large."""
+def _leaves(model: Model, parts: Sequence[Part], unit: Fraction, limits: np.ndarray) -> tuple[int | None, list[Span], list[np.ndarray]]:
+    """Return the degree of the smallest table and its records; no degree if there is none; and worst errors that stayed too large."""
     length = unit * Fraction(2) ** longest_length(parts, unit)
     shortest = max(part.stop - part.start for part in parts) * Fraction(FINEST)
     nodes, _ = uniform_spans(parts, length)
@@ -61,7 +67,7 @@ def _leaves(model: Model, parts: Sequence[Part], unit: Fraction, limits: np.ndar
     alive = np.ones(len(DEGREES), bool)
     open_ = np.ones((len(DEGREES), len(nodes)), bool)
     leaves: list[list[Span]] = [[] for _ in DEGREES]
-    floor = np.full(2, np.inf)
+    stayed: list[np.ndarray] = []
     history: list[np.ndarray] = []
     while open_.any():
         a, b = np.array([[float(x) for x in node] for node in nodes]).T
@@ -75,7 +81,7 @@ def _leaves(model: Model, parts: Sequence[Part], unit: Fraction, limits: np.ndar
         best = min(done, default=np.inf)
         for d in range(len(DEGREES)):
             if open_[d].any():
-                floor = np.minimum(floor, np.where(worst[:, d] > 0, worst[:, d], np.inf))
+                stayed.append(worst[:, d])
                 pending = len(leaves[d]) + 2 * int(open_[d].sum())
                 stalled = len(history) > 3 and bool(
                     (worst[:, d] > 0.7 * history[-3][:, d]).any()
@@ -101,9 +107,9 @@ def _leaves(model: Model, parts: Sequence[Part], unit: Fraction, limits: np.ndar
         nodes, open_ = halves, np.array(mask).T
     sizes = [(len(leaves[d]) * record_bytes(DEGREES[d], model.extras), d) for d in range(len(DEGREES)) if alive[d]]
     if not sizes:
-        return None, [], floor
+        return None, [], stayed
     _, d = min(sizes)
-    return DEGREES[d], sorted(leaves[d]), floor
+    return DEGREES[d], sorted(leaves[d]), stayed
 
 
 def halved(node: Span, length: Fraction, parts: Sequence[Part]) -> list[Span]:

@@ -45,19 +45,19 @@ def search(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal) -> C
     if goal.layout == "dyadic":
         return sized(model, parts, unit, goal) if goal.free else dyadic(model, parts, unit, goal)
     levels = probe(model, parts, unit, goal).levels
-    floor = np.full(2, np.inf)
+    met = [error for entry in levels for error in entry.errors.T]
     for _, count, level, degree in _ranked(model, parts, unit, levels, goal):
         spans, grid = uniform_spans(parts, unit * Fraction(2) ** level)
         assert len(spans) == count
         found = verified(model, spans, grid, degree)
         if goal.meets(found.worst):
             return found
-        floor = np.minimum(floor, found.worst)
+        met = [found.worst, *(error for error in met if not goal.meets(error))]  # what a few epochs promised was not kept
     meeting = [(entry, d) for entry in levels for d, error in zip(DEGREES, entry.errors.T, strict=True) if goal.meets(error)]
     smallest = min((_bytes(model, parts, unit, entry, d) for entry, d in meeting), default=None)
     if goal.size is not None and smallest is not None:
         raise goal.too_small(smallest)
-    raise goal.unmet(np.minimum(floor, floor_of(levels)))
+    raise goal.unmet(goal.best(met))
 
 
 @dataclass(frozen=True)
@@ -75,12 +75,6 @@ class Probed:
 
     levels: list[Level]
     stalled: bool
-
-
-def floor_of(levels: Sequence[Level]) -> np.ndarray:
-    """Return the smallest errors of value and rate: those of the best degree of each length."""
-    best = [entry.errors[:, np.argmin(entry.errors[0])] for entry in levels]
-    return np.min(best, axis=0) if best else np.full(2, np.inf)
 
 
 def probe(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal) -> Probed:

@@ -1,6 +1,6 @@
 """What a fitted table is asked to be: its largest errors, its size, its layout; and the errors that say it cannot be so."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -115,13 +115,21 @@ class Goal:
         """Whether errors of value and rate are within the bounds."""
         return bool(worst[0] <= self.bounds[0] and worst[1] <= self.bounds[1])
 
+    def ratio(self, errors: Sequence[float] | np.ndarray) -> float:
+        """Return by how much errors of value and rate exceed the bounds; where there are none, the error of value."""
+        return float(errors[0]) if self.free else float(np.max(np.asarray(errors) / self.bounds))
+
+    def best(self, found: Iterable[Sequence[float] | np.ndarray]) -> np.ndarray:
+        """Return the errors of value and rate that exceed the bounds least, of several met together."""
+        return np.asarray(min(found, key=self.ratio, default=(np.inf, np.inf)), float)
+
     def text(self) -> str:
         """Return the bounds with their units."""
         return self.reached(self.bounds) or "any error"
 
     def reached(self, errors: Sequence[float] | np.ndarray) -> str:
         """Return errors of value and rate with their units, those that are not known left out."""
-        return " and ".join(f"{e:.2g} {unit}" for e, unit in zip(errors, UNITS[self.kind], strict=False) if np.isfinite(e))
+        return " and ".join(f"{e:.3g} {unit}" for e, unit in zip(errors, UNITS[self.kind], strict=False) if np.isfinite(e))
 
     def asked(self) -> str:
         """Return the line of the report that says what was asked for."""
@@ -144,7 +152,7 @@ class Goal:
 
 
 class UnmetError(ToleranceError):
-    """No records meet the bounds; ``floor`` holds the smallest errors of value and rate that were met."""
+    """No records meet the bounds; ``floor`` holds the errors of value and rate that came nearest."""
 
     def __init__(self, text: str, floor: tuple[float, float]):
         super().__init__(text)

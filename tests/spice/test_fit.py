@@ -5,6 +5,8 @@ import pytest
 
 import jaxframes as jf
 from jaxframes.errors import CoverageError, NoPathError, ToleranceError
+from jaxframes.spice.fit_turns import TurnModel
+from jaxframes.spice.state_model import StateModel
 from tests.spice import orbits
 
 T = jf.spice.Tolerance
@@ -153,6 +155,35 @@ def test_what_cannot_be_fitted_says_so(kernels):
         T(position=-1.0)
     with pytest.raises(ToleranceError, match="at least one"):
         T()
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """How many epochs CSPICE was asked about by fits: their cost, whatever the machine."""
+    counts = []
+    for model in (StateModel, TurnModel):
+        original = model.sample
+
+        def sample(self, times, original=original):
+            counts.append(len(times))
+            return original(self, times)
+
+        monkeypatch.setattr(model, "sample", sample)
+    return counts
+
+
+@pytest.mark.float64
+@pytest.mark.parametrize("layout", ["uniform", "dyadic"])
+def test_what_is_impossible_is_found_out_at_little_cost(kernels, asked, layout):
+    ten = {"start": "2026-01-01", "stop": "2036-01-01"}
+    with pytest.raises(ToleranceError, match=r"no table meets 1e-09 m and 1e-13 m/s. The best reached is .*e-07 m and .*e-13 m/s: what"):
+        kernels.translation(target="MOON", center="EARTH", tolerance=T(position=1e-9, velocity=1e-13), layout=layout, **ten)
+    assert sum(asked) < 60_000
+    asked.clear()
+    year = {"start": "2026-01-01", "stop": "2026-12-31"}
+    with pytest.raises(ToleranceError, match=r"no table meets 1e-15 rad and 1e-19 rad/s. The best reached is .*e-15 rad and .*e-18 rad/s"):
+        kernels.orientation(frame="ITRF93", tolerance=T(angle=1e-15, rate=1e-19), layout=layout, **year)
+    assert sum(asked) < 60_000
 
 
 @pytest.mark.parametrize("bad", [1.0, "1", (1.0, 1e-3), {"position": 1.0}])
