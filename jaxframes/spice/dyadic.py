@@ -1,5 +1,6 @@
 """Records halved where the motion asks for it: the search for the smallest such table within a tolerance."""
 
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 
@@ -24,7 +25,7 @@ from jaxframes.spice.tolerance import Goal
 
 CHECKS = 12
 FINEST = 2.0**-40  # of the longest part: a record that short follows nothing but jumps
-RETRIES = 3
+ROUNDS = 5  # of the final check, between which records are halved
 
 
 def dyadic(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal) -> Choice:
@@ -40,25 +41,38 @@ def dyadic(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal) -> C
     probed = probe(model, parts, unit, goal)
     limits = np.array(goal.bounds) * MARGIN
     met = [error for entry in probed.levels for error in entry.errors.T]
-    for _ in range(RETRIES):
-        if probed.stalled and not any((entry.errors <= limits[:, None]).all(0).any() for entry in probed.levels):
-            break
-        degree, leaves, stayed = _leaves(model, parts, unit, limits)
+    if not probed.stalled or any((entry.errors <= limits[:, None]).all(0).any() for entry in probed.levels):
+        degree, leaves, stayed = _leaves(model, parts, unit, limits, goal.most)
         met = [error for error in [*met, *stayed] if not goal.meets(error)]  # what a few epochs promised was not kept
-        if degree is None:
-            break
-        found = verified(model, leaves, None, degree)
-        if goal.meets(found.worst):
-            needed = table_bytes(found, model.extras)
-            if goal.size is not None and needed > goal.size:
-                raise goal.too_small(needed)
-            return found
-        met.append(np.array(found.worst))
-        limits = limits * 0.5
-    raise goal.unmet(goal.best(met))
+        for _ in range(ROUNDS if degree is not None else 0):
+            assert degree is not None
+            found = verified(model, leaves, None, degree)
+            if goal.meets(found.worst):
+                needed = table_bytes(found, model.extras)
+                if goal.size is not None and needed > goal.size:
+                    raise goal.too_small(needed)
+                return found
+            met.append(np.array(found.worst))
+            leaves = _mended(found, goal, parts, unit)
+    raise goal.unmet(met)
 
 
-def _leaves(model: Model, parts: Sequence[Part], unit: Fraction, limits: np.ndarray) -> tuple[int | None, list[Span], list[np.ndarray]]:
+def _mended(found: Choice, goal: Goal, parts: Sequence[Part], unit: Fraction) -> list[Span]:
+    """Return records with those halved that the final check found wanting."""
+    out = []
+    for span, errors in zip(found.spans, found.each.T, strict=True):
+        pieces = [span]
+        cell = unit * Fraction(2) ** math.ceil(math.log2((span[1] - span[0]) / unit))
+        for _ in range(0 if goal.meets(errors) else 3):  # a record cut short by an end is less than half a cell
+            cell /= 2
+            pieces = halved(span, cell, parts) if len(pieces) == 1 else pieces
+        out += pieces
+    return out
+
+
+def _leaves(
+    model: Model, parts: Sequence[Part], unit: Fraction, limits: np.ndarray, most: float
+) -> tuple[int | None, list[Span], list[np.ndarray]]:
     """Return the degree of the smallest table and its records; no degree if there is none; and worst errors that stayed too large."""
     length = unit * Fraction(2) ** longest_length(parts, unit)
     shortest = max(part.stop - part.start for part in parts) * Fraction(FINEST)
@@ -78,7 +92,7 @@ def _leaves(model: Model, parts: Sequence[Part], unit: Fraction, limits: np.ndar
         open_ = np.logical_and(open_, ~good)
         worst = np.array([[errors[k, d, np.flatnonzero(open_[d])].max(initial=0.0) for d in range(len(DEGREES))] for k in (0, 1)])
         done = [len(leaves[d]) * record_bytes(DEGREES[d], model.extras) for d in range(len(DEGREES)) if alive[d] and not open_[d].any()]
-        best = min(done, default=np.inf)
+        best = min(done, default=most)
         for d in range(len(DEGREES)):
             if open_[d].any():
                 stayed.append(worst[:, d])

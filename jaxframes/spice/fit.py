@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jaxframes.errors import CoverageError, FrameError, NoPathError, suggest
+from jaxframes.errors import BadKernelError, CoverageError, FrameError, NoPathError, suggest
 from jaxframes.spice import build
 from jaxframes.spice.extract import POLYNOMIAL
+from jaxframes.spice.nodes import node_grid
 from jaxframes.spice.paths import translation_legs
 from jaxframes.spice.process import CspiceError
 from jaxframes.spice.records import Choice, Part, table_bytes
 from jaxframes.spice.report import record_jumps
-from jaxframes.spice.search import search
 from jaxframes.spice.segments import Piece, Segment
+from jaxframes.spice.state_choice import chosen
 from jaxframes.spice.state_model import StateModel
 from jaxframes.spice.tables import TranslationTable
 from jaxframes.spice.times import reference_day, span_text, two_parts
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 CORRECTIONS = ("NONE", "CN", "CN+S", "XCN", "XCN+S", "LT", "LT+S", "XLT", "XLT+S")
 SLOPES = 400  # epochs at which accelerations are compared
+NODES = (8, 9, 12, 13, 18)  # types of segments that interpolate between nodes
 MOST_JUMPS = 200_000  # records of the kernel whose jumps are looked at
 
 
@@ -64,11 +66,10 @@ def translation(
         raise NoPathError(f"correction={correction!r} needs a fit: give tolerance=jf.spice.Tolerance(position=...) or size=.")
     segments = involved(kernels, of, relative, bounds, correction)
     parts, unit = native_grid(kernels, of, relative, bounds, segments, correction)
-    model = StateModel(kernels, of, relative, axes, correction)
     aim = f"{names[0]} relative to {names[2]} over {span_text(*bounds)}"
     goal = Goal("translation", limits, size, layout, aim)
     try:
-        found = search(model, parts, unit, goal)
+        model, found, notes = chosen(lambda positions: StateModel(kernels, of, relative, axes, correction, positions), parts, unit, goal)
     except CspiceError as error:
         if error.short == "SPICE(SPKINSUFFDATA)":
             translation_legs(of, relative, kernels._segments, *bounds, kernels._name)  # says more, if the chain itself has a gap
@@ -84,7 +85,7 @@ def translation(
         "method": f"{layout} fit of CSPICE's {how}" + (f", {correction}" if correction != "NONE" else ""),
         "correction": correction,
         "measured": tuple(measured.items()),
-        "notes": (made(goal, found, model.extras),),
+        "notes": (made(goal, found, model.extras), *notes),
     }
     leg = host_leg(found, model.coefficients(found.fitted, found.degree), reference_day(bounds[0]))
     pieces = [Piece(s, max(Fraction(s.begin), bounds[0]), min(Fraction(s.end), bounds[1])) for s in segments]
@@ -143,11 +144,22 @@ def native_grid(
     edges = sorted(cuts)
     edges = [edges[0], *(b for a, b in pairwise(edges) if b - a > Fraction(1, 1000))]
     edges[-1] = stop
-    grids = [s.grid()[:2] for s in segments if s.type in (2, 3)] if correction == "NONE" else []
+    grids = [grid for s in segments if (grid := own_grid(kernels, s)) is not None] if correction == "NONE" else []
     if not grids:
         return [Part(a, b, a) for a, b in pairwise(edges)], stop - start
     origin, unit = min(grids, key=lambda grid: grid[1])
-    return [Part(a, b, Fraction(origin)) for a, b in pairwise(edges)], Fraction(unit)
+    return [Part(a, b, origin) for a, b in pairwise(edges)], unit
+
+
+def own_grid(kernels: "Kernels", segment: Segment) -> tuple[Fraction, Fraction] | None:
+    """Return an edge of a segment's own records, or of its nodes, and the length of these; None if it has no even ones."""
+    if segment.type in (2, 3):
+        origin, length, _, _ = segment.grid()
+        return Fraction(origin), Fraction(length)
+    if segment.type in NODES:
+        with contextlib.suppress(BadKernelError, TypeError, ValueError, OverflowError):  # what CSPICE makes of it, it says itself
+            return node_grid(kernels._process, segment)
+    return None
 
 
 def acceleration(model: StateModel, found: Choice, bounds: tuple[Fraction, Fraction]) -> tuple[str, float]:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,10 @@ from jaxframes.spice.tolerance import Goal
 PROBES = 48  # records fitted to judge a record length
 CHECKS = 8  # epochs a probed record is checked at
 MARGIN = 0.8  # of the tolerance is aimed for: a few epochs do not meet the worst
-STALLED = 3  # halvings without gain after which shorter records are not tried
+TWICE = 2  # records of a length that fail the final check: a higher degree would not help
+STALLED = 3  # halvings without gain, at the rounding of what is sampled, after which shorter records are not tried
+PATIENCE = 9  # halvings without gain elsewhere: those between a kernel's long waves and its nodes gain nothing
+ROUNDING = 1e-14  # of the largest value: errors below it are rounding
 
 
 def search(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal) -> Choice:
@@ -44,20 +48,31 @@ def search(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal) -> C
 
     if goal.layout == "dyadic":
         return sized(model, parts, unit, goal) if goal.free else dyadic(model, parts, unit, goal)
-    levels = probe(model, parts, unit, goal).levels
-    met = [error for entry in levels for error in entry.errors.T]
-    for _, count, level, degree in _ranked(model, parts, unit, levels, goal):
-        spans, grid = uniform_spans(parts, unit * Fraction(2) ** level)
-        assert len(spans) == count
-        found = verified(model, spans, grid, degree)
-        if goal.meets(found.worst):
-            return found
-        met = [found.worst, *(error for error in met if not goal.meets(error))]  # what a few epochs promised was not kept
+    levels: list[Level] = []
+    met: list[Any] = []
+    probed = probe(model, parts, unit, goal)
+    while True:
+        levels += probed.levels
+        met += [error for entry in probed.levels for error in entry.errors.T]
+        failed: dict[int, int] = {}
+        for _, count, level, degree in _ranked(model, parts, unit, probed.levels, goal):
+            if failed.get(level, 0) >= TWICE:
+                continue
+            spans, grid = uniform_spans(parts, unit * Fraction(2) ** level)
+            assert len(spans) == count
+            found = verified(model, spans, grid, degree)
+            if goal.meets(found.worst):
+                return found
+            failed[level] = failed.get(level, 0) + 1
+            met = [found.worst, *(error for error in met if not goal.meets(error))]  # what a few epochs promised was not kept
+        if not failed or probed.after is None:
+            break
+        probed = probe(model, parts, unit, goal, probed.after)
     meeting = [(entry, d) for entry in levels for d, error in zip(DEGREES, entry.errors.T, strict=True) if goal.meets(error)]
     smallest = min((_bytes(model, parts, unit, entry, d) for entry, d in meeting), default=None)
     if goal.size is not None and smallest is not None:
         raise goal.too_small(smallest)
-    raise goal.unmet(goal.best(met))
+    raise goal.unmet(met)
 
 
 @dataclass(frozen=True)
@@ -71,24 +86,33 @@ class Level:
 
 @dataclass(frozen=True)
 class Probed:
-    """What records of each length are worth, from the longest down; ``stalled`` if shorter ones did not get better."""
+    """What records of each length are worth, from the longest down.
+
+    Attributes:
+        levels: One entry for each length.
+        stalled: Whether shorter ones did not get better.
+        after: The next shorter length, None if there is no use in it.
+    """
 
     levels: list[Level]
     stalled: bool
+    after: int | None
 
 
-def probe(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal) -> Probed:
-    """Return what records of each length are worth, from the longest down to where shorter ones cannot win."""
-    level = longest_length(parts, unit)
+def probe(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal, start: int | None = None) -> Probed:
+    """Return what records of each length are worth, from the longest, or a power of two of the unit, to where shorter ones cannot win."""
+    level = longest_length(parts, unit) if start is None else start
     out: list[Level] = []
     rng, smallest, stalled, last = np.random.default_rng(0), np.inf, 0, np.inf
-    while stalled < STALLED:
+    while stalled < (STALLED if out and out[-1].errors[0].min() < ROUNDING * model.scale else PATIENCE):
         length = unit * Fraction(2) ** level
         cells = [part.cells(length) for part in parts]
         count = sum(b - a for a, b in cells)
         least = count * record_bytes(DEGREES[0], model.extras)
-        if out and (count > MOST_RECORDS or least > smallest or (goal.size is not None and goal.free and least > goal.size)):
-            return Probed(out, False)
+        if count > MOST_RECORDS or least > goal.most or (out and goal.size is not None and goal.free and least > goal.size):
+            return Probed(out, False, None)
+        if least > smallest:
+            return Probed(out, False, level)
         chosen = _some(parts, cells, rng)
         a, b = np.array([[float(x) for x in parts[p].span(*cells[p], c, length)] for p, c in chosen]).T
         errors = errors_of(model, a, b, CHECKS, rng).max(-1)
@@ -101,7 +125,7 @@ def probe(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal) -> Pr
         stalled = stalled + 1 if errors[0].min() < 1e-4 * model.scale and ratio > 0.7 * last and not meeting.any() else 0
         last = min(last, ratio)
         level -= 1
-    return Probed(out, True)
+    return Probed(out, True, None)
 
 
 def _some(parts: Sequence[Part], cells: Sequence[tuple[int, int]], rng: np.random.Generator) -> list[tuple[int, int]]:
@@ -127,11 +151,11 @@ def _ranked(model: Model, parts: Sequence[Part], unit: Fraction, levels: Sequenc
     for entry in levels:
         for i, degree in enumerate(DEGREES):
             needed = _bytes(model, parts, unit, entry, degree)
-            if goal.size is not None and needed > goal.size:
+            if needed > goal.most or (goal.size is not None and needed > goal.size):
                 continue
             error = entry.errors[:, i]
             if goal.free:
                 out.append((float(error[0]), entry.count, entry.level, degree))
             elif (error <= np.array(goal.bounds) * (MARGIN if goal.size is None else 1.0)).all():
                 out.append((float(needed), entry.count, entry.level, degree))
-    return sorted(out)[:8]
+    return sorted(out)

@@ -17,17 +17,17 @@ class StateModel:
     """Positions and velocities of a body, in m and m/s.
 
     Velocities are interpolated and integrated, the constant is the mean residual of the positions: accelerations come out better than
-    from interpolated positions. With ``positions`` the positions are interpolated, for corrections whose velocities in SPICE are not
-    the derivatives of the positions ('LT'). SPICE takes an epoch as one double: the epochs sampled are doubles, and each record is
-    interpolated at them and not at the ideal nodes, so that the rounding of epochs (6e-8 s, 6e-5 m for the Moon) is nowhere in the fit.
+    from interpolated positions. With ``positions`` the positions are interpolated, where SPICE's velocities are not the derivatives of
+    its positions: corrections of the kind 'LT', and segments of some types (8, 9, 15, 18). SPICE takes an epoch as one double: the
+    epochs sampled are doubles, and each record is interpolated at them and not at the ideal nodes, so that the rounding of epochs
+    (6e-8 s, 6e-5 m for the Moon) is nowhere in the fit.
     """
 
     extras = 0
 
-    def __init__(self, kernels: "Kernels", of: int, relative: int, axes: str, correction: str):
+    def __init__(self, kernels: "Kernels", of: int, relative: int, axes: str, correction: str, positions: bool):
         self.arguments = (of, relative, axes)
-        self.kernels, self.correction = kernels, correction
-        self.positions = "LT" in correction
+        self.kernels, self.correction, self.positions = kernels, correction, positions
         self.scale = 0.0
 
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -98,6 +98,8 @@ class Goal:
         size: Most bytes, None for any.
         layout: ``"uniform"`` or ``"dyadic"``.
         aim: What is fitted, for messages.
+        note: What is to be known about the bounds, likewise.
+        most: Bytes beyond which nothing is looked at: something smaller was found already.
     """
 
     kind: str
@@ -105,6 +107,8 @@ class Goal:
     size: int | None
     layout: str
     aim: str
+    note: str = ""
+    most: float = np.inf
 
     @property
     def free(self) -> bool:
@@ -118,10 +122,6 @@ class Goal:
     def ratio(self, errors: Sequence[float] | np.ndarray) -> float:
         """Return by how much errors of value and rate exceed the bounds; where there are none, the error of value."""
         return float(errors[0]) if self.free else float(np.max(np.asarray(errors) / self.bounds))
-
-    def best(self, found: Iterable[Sequence[float] | np.ndarray]) -> np.ndarray:
-        """Return the errors of value and rate that exceed the bounds least, of several met together."""
-        return np.asarray(min(found, key=self.ratio, default=(np.inf, np.inf)), float)
 
     def text(self) -> str:
         """Return the bounds with their units."""
@@ -142,18 +142,22 @@ class Goal:
         within = "" if self.free else f" within {self.text()}"
         return ToleranceError(f"{self.aim}: {needed} bytes are needed{within}, more than size={self.size}.")
 
-    def unmet(self, floor: Sequence[float] | np.ndarray) -> "UnmetError":
-        """Return the error for bounds that no records meet."""
+    def unmet(self, met: Iterable[Sequence[float] | np.ndarray]) -> "UnmetError":
+        """Return the error for bounds that no records meet, of the errors of value and rate that were met."""
+        found = [(float(value), float(rate)) for value, rate in met] or [(np.inf, np.inf)]
+        alone = min((rate for value, rate in found if value <= self.bounds[0]), default=np.inf)
+        apart = f" Where the {NAMES[self.kind][0]} is met, the {NAMES[self.kind][1]} is off by {alone:.3g} {UNITS[self.kind][1]}."
         return UnmetError(
-            f"{self.aim}: no table meets {self.text()}. The best reached is {self.reached(floor)}: what CSPICE computes is not smoother "
-            "than that (its own rounding, the kernel's jumps between records). Ask for less.",
-            (float(floor[0]), float(floor[1])),
+            f"{self.aim}: no table meets {self.text()}{self.note}. The best reached is {self.reached(min(found, key=self.ratio))}: what "
+            "CSPICE computes is not smoother than that (its own rounding, the kernel's jumps between records)."
+            f"{apart if np.isfinite(alone) and np.isfinite(self.bounds).all() else ''} Ask for less.",
+            tuple(found),
         )
 
 
 class UnmetError(ToleranceError):
-    """No records meet the bounds; ``floor`` holds the errors of value and rate that came nearest."""
+    """No records meet the bounds; ``met`` holds the errors of value and rate that some had."""
 
-    def __init__(self, text: str, floor: tuple[float, float]):
+    def __init__(self, text: str, met: tuple[tuple[float, float], ...]):
         super().__init__(text)
-        self.floor = floor
+        self.met = met
