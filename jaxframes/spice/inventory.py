@@ -11,14 +11,13 @@ from jaxframes.spatial.calendar import tdb_text
 from jaxframes.spatial.utc import LeapSeconds
 from jaxframes.spice import orient
 from jaxframes.spice.iau_read import has_text_pck
+from jaxframes.spice.kernel_source import KernelSource
 from jaxframes.spice.leap import read_leap_seconds
-from jaxframes.spice.paths import Walk
 from jaxframes.spice.places import J2000, place
 from jaxframes.spice.segments import coverage
 from jaxframes.spice.times import Instant
 from jaxframes.spice.tolerance import Tolerance
 from jaxframes.tree.builder import TreeBuilder
-from jaxframes.tree.edges.base import Edge
 from jaxframes.tree.tree import FrameTree
 
 
@@ -175,13 +174,16 @@ class Inventory:
             stop: End of the coverage.
             ck: How C-kernels are read between their knots, as in ``orientation``.
             bridge: For C-kernels of type 1, as in ``orientation``.
-            tolerance: For dynamic and switch frames, which are fitted: the angle and rate to meet.
+            tolerance: For what has to be fitted, the errors to meet: angle and rate for dynamic and switch frames and C-kernels of types
+                4 to 6; position and velocity for bodies whose SPK segments are not polynomials, turn, or change their centre (the
+                edge is then from the nearest body that all these centres hang on). What can be had exactly stays exact.
 
         Raises:
             UnknownBodyError: If a body is unknown.
             UnknownAxesError: If a frame is unknown.
-            NoPathError: If the kernels do not connect them.
+            NoPathError: If the kernels do not connect them, or something has to be fitted and there is no tolerance.
             CoverageError: If the kernels do not cover the span.
+            ToleranceError: If a fit cannot be as good, or the tolerance says nothing about it.
         """
         builder, source = TreeBuilder(root="SSB"), KernelSource(self, start, stop, ck, bridge, tolerance)
         builder.set_properties("SSB", {"spice_body": 0, "spice_frame": J2000, "spice_body_name": "SSB", "spice_frame_name": "J2000"})
@@ -205,59 +207,3 @@ class Inventory:
     ) -> str:
         """Find or add the frame of a body in a builder; see ``TreeBuilder.add_spice``."""
         return place(builder, KernelSource(self, start, stop, ck, bridge, tolerance), body, frame)
-
-
-class KernelSource:
-    """Kernels as the source of edges over one span."""
-
-    def __init__(
-        self, kernels: Any, start: Instant | None, stop: Instant | None, ck: str, bridge: float | None, tolerance: Tolerance | None
-    ):
-        """Take open kernels, the span that edges shall cover, and what the classes of frames ask for."""
-        self._kernels, self._start, self._stop = kernels, start, stop
-        knots, fit = {"ck": ck, "bridge": bridge}, {"tolerance": tolerance}
-        self._options = {orient.CK: knots, orient.DYNAMIC: fit, orient.SWITCH: fit}
-
-    def body(self, body: str | int) -> tuple[int, str]:
-        """See ``Source``."""
-        number = self._kernels._body(body, "body")
-        return number, self._kernels._name(number)
-
-    def frame(self, body: int, frame: str | int | None) -> tuple[int, str]:
-        """See ``Source``."""
-        axes = self._kernels._axes(str(self._default(body) if frame is None else frame))
-        return axes["id"], axes["name"]
-
-    def _default(self, body: int) -> int:
-        """Return the body-fixed frame that SPICE knows for a body; J2000 for barycentres and spacecraft, which have none of their own.
-
-        SPICE's own answers for those are surprises: ECLIPB1950 for body 0, a frame without data for the barycentre of the Earth.
-        """
-        found = None if body < 10 else self._kernels._process.call("body_frame", body, doing=f"looking up the frame of body {body}")
-        return J2000 if found is None else found
-
-    def centered(self, body: int, frame: int) -> bool:
-        """See ``Source``."""
-        return self._kernels._axes(str(frame))["center"] == body
-
-    def base(self, frame: int) -> tuple[int, str]:
-        """See ``Source``."""
-        axes = self._kernels._axes(str(frame))
-        if axes["class"] != orient.TK:
-            return J2000, "J2000"
-        _, base = self._kernels._process.call("fixed_offset", frame, doing=f"looking up the offset of {axes['name']}")
-        return base, self._kernels._axes(str(base))["name"]
-
-    def chain(self, body: int) -> list[int]:
-        """See ``Source``."""
-        start, stop = self._kernels._span(self._start, self._stop, "SPK", (body,))
-        return Walk(body, self._kernels._segments, start, stop, self._kernels._name).bodies
-
-    def translation(self, target: int, center: int) -> Edge:
-        """See ``Source``."""
-        return self._kernels.translation(target=target, center=center, start=self._start, stop=self._stop)
-
-    def orientation(self, frame: tuple[int, str], base: tuple[int, str]) -> Edge:
-        """See ``Source``."""
-        options = self._options.get(self._kernels._axes(frame[1])["class"], {})
-        return self._kernels.orientation(frame=frame[1], relative_to=base[1], start=self._start, stop=self._stop, **options)

@@ -11,9 +11,28 @@ Name = Callable[[int], str]
 
 
 class Walk:
-    """The way from a body to the centres of its segments, as far as the kernels go over a whole span."""
+    """The way from a body to the centres of its segments, as far as the kernels go over a whole span.
 
-    def __init__(self, body: int, segments: Sequence[Segment], start: Fraction, stop: Fraction, name: Name):
+    Attributes:
+        bodies: The bodies, link by link.
+        legs: The pieces of segments of each link; none for a link over centres that change.
+        shortfall: Why the way ends before the span does, if it does.
+    """
+
+    def __init__(self, body: int, segments: Sequence[Segment], start: Fraction, stop: Fraction, name: Name, meet: bool = False):
+        """Walk.
+
+        Args:
+            body: Where to start.
+            segments: Those of all bodies, in order of loading.
+            start: Start of the span.
+            stop: End of the span.
+            name: Names a body.
+            meet: Whether to go on, where a body has several centres over the span, from the nearest body that they all hang on.
+
+        Raises:
+            NoPathError: If a body has several centres, unless they are to meet and do; or the segments run in a circle.
+        """
         self.bodies = [body]
         self.legs: list[list[Piece]] = []
         self.shortfall: CoverageError | None = None
@@ -27,11 +46,16 @@ class Walk:
                 return
             centers = {piece.segment.center for piece in pieces}
             if len(centers) > 1:
-                listed = ", ".join(sorted(name(c) for c in centers))
-                raise NoPathError(
-                    f"The position of {name(self.bodies[-1])} is relative to several bodies ({listed}) between {span_text(start, stop)}: "
-                    "make one table for each part of the span."
-                )
+                ways = [Walk(c, segments, start, stop, name, meet).bodies for c in sorted(centers)] if meet else []
+                common = next((b for b in ways[0] if all(b in way for way in ways)), None) if ways else None
+                if common is None:
+                    listed = ", ".join(sorted(name(c) for c in centers))
+                    raise NoPathError(
+                        f"The position of {name(self.bodies[-1])} is relative to several bodies ({listed}) between "
+                        f"{span_text(start, stop)}: make one table for each part of the span, or give "
+                        "tolerance=jf.spice.Tolerance(position=..., velocity=...) to have one fitted."
+                    )
+                centers, pieces = {common}, []
             center = centers.pop()
             if center in self.bodies:
                 raise NoPathError(f"The segments loaded run in a circle: {self.text(name)}, {name(center)}.")
