@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 
 from jaxframes.errors import BadKernelError
-from jaxframes.spice.segments import Records
+from jaxframes.spice.segments import HANDOVER, Records
 from jaxframes.spice.times import two_parts
 
 METRES = 1000.0
@@ -98,6 +99,9 @@ def index(starts: Sequence[Fraction], stop: Fraction) -> tuple[dict[str, np.ndar
     """
     step = (stop - starts[0]) / len(starts)
     middle = (starts[len(starts) // 2] - starts[0]) / max(len(starts) // 2, 1)
+    gaps = sorted(b - a for a, b in pairwise(starts)) or [step]
+    if any(HANDOVER / 2 < abs(gap - gaps[len(gaps) // 2]) < HANDOVER * 2 for gap in gaps):
+        return irregular(starts, stop)  # some record keeps its last instant: not even
     for length in (step, middle):  # the last record may be cut short
         if all(abs(s - (starts[0] + i * length)) <= length / 10**10 for i, s in enumerate(starts)) and stop <= starts[-1] + length * 2:
             return {"grid": np.array([*two_parts(starts[0]), float(length)])}, 0
@@ -118,10 +122,13 @@ def irregular(starts: Sequence[Fraction], stop: Fraction) -> tuple[dict[str, np.
     # A cell no wider than the shortest record needs one comparison; a sliver of a record gets more comparisons, not millions of cells.
     cells = cells_of(len(starts), span, shortest)
     width = float(span / cells)
-    edges = np.array([float(start - starts[0]) for start in starts])
+    exact = [start - starts[0] for start in starts]
+    edges = np.array([float(start) for start in exact])
+    # Rounded up where it matters: the cell that starts an instant before a record does still belongs to the one before.
+    above = np.array([e if Fraction(e) >= start else np.nextafter(e, np.inf) for e, start in zip(edges, exact, strict=True)])
     corners = np.arange(cells) * width
     slack = 1e-9 * width
-    first = np.searchsorted(edges, corners, side="right") - 1
+    first = np.searchsorted(above, corners, side="right") - 1
     last = np.searchsorted(edges, corners + width + slack, side="right") - 1
     ends = np.array([two_parts(start) for start in starts[1:]] + [(np.inf, 0.0)])
     grid = np.array([*two_parts(starts[0]), width])
@@ -137,7 +144,7 @@ def _is_uniform(parts: Sequence[Records]) -> bool:
     """Whether the records of all parts lie on the grid of the first: to 1e-10 of a record, where its series are as good as inside."""
     length, origin = parts[0].step, parts[0].origin
     count = 0
-    if any(part.inner is not None for part in parts):
+    if any(part.inner is not None or part.late for part in parts):
         return False
     for part in parts:
         drift = part.origin - (origin + count * length)

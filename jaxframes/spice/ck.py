@@ -1,7 +1,7 @@
 """C-kernel segments of types 1 to 3 on the host: as intervals in each of which the attitude turns about one axis."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -50,6 +50,7 @@ class Intervals:
         turn: Rotation vector over the interval, in o axes [n, 3].
         w0: Angular velocity at the start, in o axes [n, 3].
         w1: Angular velocity at the end [n, 3].
+        rank: Place of the segment in order of loading [n]: of two intervals that meet, the higher serves the instant at which they do.
     """
 
     start: np.ndarray
@@ -58,6 +59,7 @@ class Intervals:
     turn: np.ndarray
     w0: np.ndarray
     w1: np.ndarray
+    rank: np.ndarray
 
     def take(self, which: np.ndarray) -> Self:
         """Return some of the intervals."""
@@ -70,7 +72,7 @@ class Intervals:
         u0, u1 = ((a - self.start) / width)[:, None], ((b - self.start) / width)[:, None]
         q = quat.multiply(quat.turned(self.turn * u0), self.q)
         slope = self.w1 - self.w0
-        return type(self)(a, b, q, self.turn * (u1 - u0), self.w0 + slope * u0, self.w0 + slope * u1)
+        return type(self)(a, b, q, self.turn * (u1 - u0), self.w0 + slope * u0, self.w0 + slope * u1, self.rank)
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
@@ -143,7 +145,7 @@ def read_intervals(kernels: "Kernels", segment: CkSegment, seconds_a_tick: float
         w0, w1 = packets[:-1, 4:], packets[1:, 4:]
     else:
         w0, w1 = _estimated(turn, np.diff(ticks) * seconds_a_tick, joined)
-    return Intervals(ticks[:-1], ticks[1:], q[:-1], turn, w0, w1).take(np.flatnonzero(joined))
+    return Intervals(ticks[:-1], ticks[1:], q[:-1], turn, w0, w1, np.zeros(n - 1)).take(np.flatnonzero(joined))
 
 
 def _spins(segment: CkSegment, words: np.ndarray) -> Intervals:
@@ -155,7 +157,9 @@ def _spins(segment: CkSegment, words: np.ndarray) -> Intervals:
     start, stop, rate = words[8 * n : 9 * n], words[9 * n : 10 * n], packets[:, 4:7]
     if not (stop > start).all() or not (start[1:] >= stop[:-1]).all():
         raise _damaged(segment, "its intervals are not in order")
-    return Intervals(start, stop, _poses(segment, packets[:, :4]), rate * ((stop - start) * packets[:, 7])[:, None], rate, rate)
+    return Intervals(
+        start, stop, _poses(segment, packets[:, :4]), rate * ((stop - start) * packets[:, 7])[:, None], rate, rate, np.zeros(n)
+    )
 
 
 def _poses(segment: CkSegment, spice: np.ndarray) -> np.ndarray:
@@ -192,7 +196,7 @@ def layered(runs: Sequence[tuple[CkSegment, Intervals]], low: float, high: float
     free = [(low, high)]
     parts: list[Intervals] = []
     used: list[CkSegment] = []
-    for segment, intervals in reversed(runs):
+    for rank, (segment, intervals) in reversed(list(enumerate(runs))):
         left: list[tuple[float, float]] = []
         before = len(parts)
         for a, b in free:
@@ -201,7 +205,7 @@ def layered(runs: Sequence[tuple[CkSegment, Intervals]], low: float, high: float
             if not len(which):
                 left.append((a, b))
                 continue
-            chosen = intervals.take(which)
+            chosen = replace(intervals.take(which), rank=np.full(len(which), float(rank)))
             if chosen.start[0] < a1 or chosen.stop[-1] > b1:
                 chosen = chosen.cut(np.full(len(which), a1), np.full(len(which), b1))
             parts.append(chosen)

@@ -15,7 +15,7 @@ from jaxframes.spice.paths import translation_legs
 from jaxframes.spice.process import CspiceError
 from jaxframes.spice.records import Choice, Part, table_bytes
 from jaxframes.spice.report import record_jumps
-from jaxframes.spice.segments import Piece, Segment
+from jaxframes.spice.segments import HANDOVER, Piece, Segment, late_instants
 from jaxframes.spice.state_choice import chosen
 from jaxframes.spice.state_model import StateModel
 from jaxframes.spice.tables import TranslationTable
@@ -87,7 +87,8 @@ def translation(
         "measured": tuple(measured.items()),
         "notes": (made(goal, found, model.extras), *notes),
     }
-    leg = host_leg(found, model.coefficients(found.fitted, found.degree), reference_day(bounds[0]))
+    late = late_instants(segments, *bounds)
+    leg = host_leg(found, model.coefficients(found.fitted, found.degree), reference_day(bounds[0]), late)
     pieces = [Piece(s, max(Fraction(s.begin), bounds[0]), min(Fraction(s.end), bounds[1])) for s in segments]
     return kernels._table(TranslationTable, "translation", names, bounds, [leg], pieces, facts)
 
@@ -98,8 +99,8 @@ def made(goal: Goal, found: Choice, extras: int) -> str:
     return f"asked for {goal.asked()}; {records}, checked at independent epochs"
 
 
-def host_leg(found: Choice, coefficients: np.ndarray, reference: int) -> build.HostLeg:
-    """Return the leg of chosen records; a uniform grid where there is one."""
+def host_leg(found: Choice, coefficients: np.ndarray, reference: int, late: set[Fraction]) -> build.HostLeg:
+    """Return the leg of chosen records; a uniform grid where there is one. Records that start at late instants serve from after these."""
     n = len(found.spans)
     hi = found.fitted["middle"] - reference
     back = hi - found.fitted["middle"]
@@ -108,8 +109,13 @@ def host_leg(found: Choice, coefficients: np.ndarray, reference: int) -> build.H
     if found.grid is not None:
         origin, step = found.grid
         return build.HostLeg({"rows": rows, "grid": np.array([*two_parts(origin - reference), float(step)])}, 3, 0)
-    index, compares = build.index([a - reference for a, _ in found.spans], found.spans[-1][1] - reference)
+    index, compares = build.index([served(a, late) - reference for a, _ in found.spans], found.spans[-1][1] - reference)
     return build.HostLeg({"rows": rows, **index}, 3, compares)
+
+
+def served(start: Fraction, late: set[Fraction]) -> Fraction:
+    """Return from when on a record that starts at an instant serves."""
+    return start + (HANDOVER if start in late else 0)
 
 
 def involved(kernels: "Kernels", of: int, relative: int, bounds: tuple[Fraction, Fraction], correction: str) -> list[Segment]:

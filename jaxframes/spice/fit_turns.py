@@ -15,10 +15,11 @@ from jaxframes.spice import quaternions as quat
 from jaxframes.spice.attitude import CayleyTable
 from jaxframes.spice.ck import segments_of
 from jaxframes.spice.clock import clock_of
-from jaxframes.spice.fit import made
+from jaxframes.spice.fit import made, served
 from jaxframes.spice.knots import GRACE
 from jaxframes.spice.records import DEGREES, Choice, Part
 from jaxframes.spice.search import search
+from jaxframes.spice.segments import late_instants
 from jaxframes.spice.state_model import slopes, spread
 from jaxframes.spice.times import exact_seconds, reference_day, span_text, two_parts
 from jaxframes.spice.tolerance import Goal
@@ -134,7 +135,8 @@ def orientation(kernels: "Kernels", request: "Request") -> CayleyTable:
     goal = Goal("orientation", limits, None, request.layout, aim)
     found = search(model, parts, unit, goal)
     gaps = [(a[1], b[0]) for a, b in pairwise(stretches) if b[0] - a[1] > TOUCHING]
-    leg, spins = _leg(found, reference_day(bounds[0]))
+    own = [s for s in kernels._segments if s.kind == "PCK" and s.body == of["class_id"]] if of["class"] == PCK else []
+    leg, spins = _leg(found, reference_day(bounds[0]), late_instants(own, *bounds))
     measured = (("angle error, rad", found.worst[0]), ("rate error, rad/s", found.worst[1]), model.acceleration(found))
     notes = [made(goal, found, model.extras), *(f"gap: {span_text(*gap)}" for gap in gaps[:20])]
     notes += [f"{len(gaps)} gaps in all"] if gaps else []
@@ -144,7 +146,7 @@ def orientation(kernels: "Kernels", request: "Request") -> CayleyTable:
     return kernels._table(CayleyTable, "cayley", names, bounds, [leg], files, facts, spins=spun)
 
 
-def _leg(found: Choice, reference: int) -> tuple[build.HostLeg, np.ndarray]:
+def _leg(found: Choice, reference: int, late: set[Fraction]) -> tuple[build.HostLeg, np.ndarray]:
     """Return the leg and the reference spins [n, 8]; a gap is a row whose length is NaN."""
     fitted, n = found.fitted, len(found.spans)
     rate = np.linalg.norm(fitted["spin"], axis=1)
@@ -163,7 +165,7 @@ def _leg(found: Choice, reference: int) -> tuple[build.HostLeg, np.ndarray]:
     nothing[0, -1] = np.nan
     for i in range(1, n + 1):
         if i == n or found.spans[i][0] - found.spans[i - 1][1] > TOUCHING:
-            starts += [span[0] - reference for span in found.spans[at:i]]
+            starts += [served(span[0], late) - reference for span in found.spans[at:i]]
             row_parts.append(rows[at:i])
             spin_parts.append(spins[at:i])
             if i < n:

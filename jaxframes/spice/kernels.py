@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -25,7 +26,7 @@ from jaxframes.spice.info import Info, Source, decimal
 from jaxframes.spice.inventory import Inventory
 from jaxframes.spice.legs import to_leg
 from jaxframes.spice.process import TIMEOUT, CspiceError, KernelProcess
-from jaxframes.spice.segments import Piece, Segment, coverage
+from jaxframes.spice.segments import Piece, Segment, coverage, handed_over
 from jaxframes.spice.tables import Table, TranslationTable
 from jaxframes.spice.times import Instant, exact_seconds, pairs, reference_day, span_text
 from jaxframes.spice.tolerance import Tolerance
@@ -39,7 +40,10 @@ class Kernels(Inventory):
     """SPICE kernels, read in a private pool: the caller's own spiceypy, if any, is neither imported nor touched.
 
     A process of its own holds the pool until the ``with`` block ends. What it makes are tables, which need no kernel afterwards.
-    Later files win over earlier ones, and within a file later segments over earlier ones, as in SPICE.
+    Later files win over earlier ones, and within a file later segments over earlier ones, as in SPICE, which takes segments as closed at
+    both ends: the instant at which one that wins ends is still its own (and the nanosecond after it, so that epochs in two parts are
+    safe; within the spacing of SPICE's own epochs). Legs that are composed (``compose=True``) cannot hold two such rules at one instant:
+    there the instant belongs to the records that follow.
 
     Example:
         >>> import jaxframes as jf
@@ -245,9 +249,9 @@ class Kernels(Inventory):
         return kind(**fields, **more)  # pyright: ignore[reportCallIssue]
 
     def _join(self, parts: list[tuple[Piece, np.ndarray | None]], sign: int, start: Fraction) -> tuple[build.HostLeg, list[str]]:
-        records = []
-        for piece, rotation in parts:
-            read = extract.read(self._process, piece)
+        records, late = [], handed_over([piece for piece, _ in parts])
+        for (piece, rotation), last_instant_taken in zip(parts, late, strict=True):
+            read = replace(extract.read(self._process, piece), late=last_instant_taken)
             records.append(read if rotation is None else build.rotated(read, rotation))
         return build.join(records, sign, reference_day(start)), [r.note for r in records if r.note]
 

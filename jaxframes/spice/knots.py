@@ -1,6 +1,6 @@
 """Making attitude tables of C-kernels: which segments serve, knots in time, gaps."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ from jaxframes.spice import quaternions as quat
 from jaxframes.spice.attitude import MODES, AttitudeTable
 from jaxframes.spice.ck import KNOTS, CkSegment, Intervals, layered, read_intervals, segments_of
 from jaxframes.spice.clock import Clock, clock_of
+from jaxframes.spice.segments import HANDOVER
 from jaxframes.spice.times import exact_seconds, reference_day, span_text
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ def _in_base(kernels: "Kernels", segment: CkSegment, intervals: Intervals, of: d
     matrix = np.array(kernels._process.call("rotation", own["name"], base["name"], doing=f"rotating {own['name']}"))
     turn = np.broadcast_to(quat.from_matrices(matrix[None]), intervals.q.shape)
     vectors = (quat.rotate(turn, v) for v in (intervals.turn, intervals.w0, intervals.w1))
-    return Intervals(intervals.start, intervals.stop, quat.multiply(turn, intervals.q), *vectors)
+    return replace(intervals, q=quat.multiply(turn, intervals.q), **dict(zip(("turn", "w0", "w1"), vectors, strict=True)))
 
 
 def _dated(intervals: Intervals, clock: Clock) -> tuple[Intervals, doubles.Pair, doubles.Pair]:
@@ -144,7 +145,9 @@ def _rows(
     else:
         vectors = tuple((w - mean) * (length[:, None] / 2) for w in (intervals.w0, intervals.w1))
     rows = np.concatenate([intervals.q, axis, half[:, None], *vectors, past[0][:, None], past[1][:, None], length[:, None]], 1)
-    exact = [Fraction(a) + Fraction(b) for a, b in zip(*past, strict=True)]
+    touch = np.append(False, np.abs(t0[0][1:] - t1[0][:-1]) <= 2 * float(GRACE))
+    late = touch & np.append(False, intervals.rank[:-1] > intervals.rank[1:])  # the instant itself is the earlier interval's
+    exact = [Fraction(a) + Fraction(b) + (HANDOVER if w else 0) for a, b, w in zip(*past, late, strict=True)]
     ends = [Fraction(a) + Fraction(b) - reference for a, b in zip(*t1, strict=True)]
     out, starts, gaps = [], [], []
     nothing = np.zeros(rows.shape[1])
