@@ -2,37 +2,31 @@
 
 from fractions import Fraction
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.errors import CoverageError, NoPathError
 from jaxframes.numerics.boundary import default_float
 from jaxframes.spice import build
 from jaxframes.spice import quaternions as quat
 from jaxframes.spice.attitude import CayleyTable
-from jaxframes.spice.ck import segments_of
-from jaxframes.spice.clock import clock_of
 from jaxframes.spice.fit import made, served
+from jaxframes.spice.frame_classes import PCK
 from jaxframes.spice.knots import GRACE
 from jaxframes.spice.records import DEGREES, Choice, Part
 from jaxframes.spice.search import search
 from jaxframes.spice.segments import late_instants
 from jaxframes.spice.state_model import slopes, spread
-from jaxframes.spice.times import exact_seconds, reference_day, span_text, two_parts
+from jaxframes.spice.stretches import TOUCHING, stretches_of
+from jaxframes.spice.times import reference_day, span_text, two_parts
 from jaxframes.spice.tolerance import Goal
 
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
     from jaxframes.spice.orient import Request
 
-PCK, CK, SWITCH = 2, 3, 6
 NODES = 19  # odd: one lies in the middle of the record
-PROBES = 513  # epochs at which it is asked where there are data at all
-SHRINK = Fraction(1, 10**6)  # seconds off both ends of a C-kernel's windows, which CSPICE rounds
-TOUCHING = 3 * GRACE  # stretches closer than this have no gap between them
 SLOPES = 300
 
 
@@ -127,14 +121,14 @@ def orientation(kernels: "Kernels", request: "Request") -> CayleyTable:
     of, base = request.of, request.base
     assert request.tolerance is not None
     limits = request.tolerance.bounds("orientation")
-    stretches, files = _stretches(kernels, request)
-    bounds = (stretches[0][0], stretches[-1][1])
-    parts, unit = _parts(kernels, of, stretches)
+    stretches, files = stretches_of(kernels, request)
+    bounds = (stretches[0].start, stretches[-1].stop)
+    parts, unit = _parts(kernels, of, [(s.first, s.last) for s in stretches])
     model = TurnModel(kernels, of["name"], base["name"])
     aim = f"{of['name']} relative to {base['name']} over {span_text(*bounds)}"
     goal = Goal("orientation", limits, None, request.layout, aim)
     found = search(model, parts, unit, goal)
-    gaps = [(a[1], b[0]) for a, b in pairwise(stretches) if b[0] - a[1] > TOUCHING]
+    gaps = [(a.stop, b.start) for a, b in pairwise(stretches) if b.start - a.stop > TOUCHING]
     own = [s for s in kernels._segments if s.kind == "PCK" and s.body == of["class_id"]] if of["class"] == PCK else []
     leg, spins = _leg(found, reference_day(bounds[0]), late_instants(own, *bounds))
     measured = (("angle error, rad", found.worst[0]), ("rate error, rad/s", found.worst[1]), model.acceleration(found))
@@ -165,7 +159,8 @@ def _leg(found: Choice, reference: int, late: set[Fraction]) -> tuple[build.Host
     nothing[0, -1] = np.nan
     for i in range(1, n + 1):
         if i == n or found.spans[i][0] - found.spans[i - 1][1] > TOUCHING:
-            starts += [served(span[0], late) - reference for span in found.spans[at:i]]
+            begin = served(found.spans[at][0], late) - (GRACE if at else 0)  # after a gap, as long before the data as the gap is after them
+            starts += [begin - reference, *(served(span[0], late) - reference for span in found.spans[at + 1 : i])]
             row_parts.append(rows[at:i])
             spin_parts.append(spins[at:i])
             if i < n:
@@ -175,107 +170,6 @@ def _leg(found: Choice, reference: int, late: set[Fraction]) -> tuple[build.Host
             at = i
     index, compares = build.index(starts, found.spans[-1][1] - reference)
     return build.HostLeg({"rows": np.concatenate(row_parts), **index}, 3, compares), np.concatenate(spin_parts)
-
-
-def _stretches(kernels: "Kernels", request: "Request") -> tuple[list[tuple[Fraction, Fraction]], list[Path]]:
-    """Return the stretches within the span where CSPICE has an answer, cut where a frame switches, and the files that hold the data."""
-    of = request.of
-    low = exact_seconds(request.start, "start") if request.start is not None else None
-    high = exact_seconds(request.stop, "stop") if request.stop is not None else None
-    windows: list[tuple[Fraction, Fraction]] = []
-    files: list[Path] = []
-    inertial = False
-    if of["class"] == CK:
-        clock_of(kernels, of["class_id"])  # says which kernel is missing
-        names = dict.fromkeys(s.path for s in segments_of(kernels, of["class_id"]))
-        if not names:
-            raise NoPathError(
-                f"No C-kernel segment for {of['name']} (CK id {of['class_id']}) is loaded: load the C-kernel (.bc) of this frame."
-            )
-        for path in names:
-            found = kernels._process.call("ck_windows", path, of["class_id"], doing=f"reading the coverage of {Path(path).name}")
-            windows += [(Fraction(a) + SHRINK, Fraction(b) - SHRINK) for a, b in found]
-            files.append(Path(path))
-        windows = _merged(windows)
-        inertial = all(base is not None and base["class"] == 1 for base in _bases(kernels, of))
-    elif of["class"] == PCK:
-        inertial = True
-        files += [Path(s.path) for s in kernels._segments if s.kind == "PCK" and s.body == of["class_id"]]
-    if of["class"] != CK and (low is None or high is None):
-        raise CoverageError(f"{of['name']} has no coverage of its own: give start= and stop=.")
-    if low is not None and high is not None and low >= high:
-        raise CoverageError(f"start lies at or after stop: {span_text(low, high)}. A table needs a span of time.")
-    if windows:
-        windows = [(a if low is None else max(a, low), b if high is None else min(b, high)) for a, b in windows]
-    else:
-        assert low is not None
-        assert high is not None
-        windows = [(low, high)] if of["class"] != CK else []
-    cuts = _switches(kernels, of) if of["class"] == SWITCH else []
-    out: list[tuple[Fraction, Fraction]] = []
-    each = max(PROBES // max(len(windows), 1), 9)
-    for a, b in windows:
-        if b - a > 4 * SHRINK:
-            edges = [a, *(c for c in cuts if a < c < b), b]
-            for c, d in pairwise(edges):
-                # A switch happens between two doubles: leave the instant itself to the stretch that it starts.
-                out += _valid(kernels, request, c, d - (SHRINK if d != b else 0), each)
-    if not out:
-        raise CoverageError(f"CSPICE has no orientation of {of['name']} relative to {request.base['name']} anywhere in the span asked for.")
-    if not inertial:  # CSPICE follows the chain: what it read of the files loaded is not known
-        files = [Path(path) for path in kernels._process.call("binary_files", doing="listing the kernels")]
-    return out, files
-
-
-def _bases(kernels: "Kernels", of: dict[str, Any]) -> list[dict[str, Any] | None]:
-    """Return the frames that a CK frame's segments are relative to."""
-    frames = {s.frame for s in segments_of(kernels, of["class_id"])}
-    return [kernels._process.call("frame", str(frame), doing=f"looking up frame {frame}") for frame in sorted(frames)]
-
-
-def _valid(kernels: "Kernels", request: "Request", start: Fraction, stop: Fraction, count: int) -> list[tuple[Fraction, Fraction]]:
-    """Return the stretches between two instants where CSPICE has an answer, found by probing and halving."""
-
-    def there(times: np.ndarray) -> np.ndarray:
-        names = (request.of["name"], request.base["name"])
-        rotations, _ = kernels._process.call("turns_where", *names, times, doing="looking for orientations")
-        return np.isfinite(rotations).all((1, 2))
-
-    times = np.linspace(float(start), float(stop), count)
-    good = there(times)
-    if good.all():
-        return [(start, stop)]
-    changes = np.flatnonzero(good[1:] != good[:-1])
-    if not good.any():
-        return []
-    inside, outside = (np.where(good[changes] == flag, times[changes], times[changes + 1]) for flag in (True, False))
-    for _ in range(60):
-        middle = (inside + outside) / 2
-        if not (np.abs(inside - outside) > float(SHRINK)).any():
-            break
-        ok = there(middle)
-        inside, outside = np.where(ok, middle, inside), np.where(ok, outside, middle)
-    edges = [start] * bool(good[0]) + [Fraction(float(x)) for x in inside] + [stop] * bool(good[-1])
-    return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 4 * SHRINK]
-
-
-def _switches(kernels: "Kernels", of: dict[str, Any]) -> list[Fraction]:
-    """Return the instants at which a switch frame changes the frame that it follows."""
-    found = []
-    for end in ("START", "STOP"):
-        for key in (of["id"], of["name"]):
-            found += kernels._process.call("instants", f"FRAME_{key}_{end}", doing=f"reading when {of['name']} switches")
-    return sorted({Fraction(x) for x in found})
-
-
-def _merged(windows: list[tuple[Fraction, Fraction]]) -> list[tuple[Fraction, Fraction]]:
-    out: list[tuple[Fraction, Fraction]] = []
-    for a, b in sorted(windows):
-        if out and a <= out[-1][1] + 2 * SHRINK:
-            out[-1] = (out[-1][0], max(b, out[-1][1]))
-        else:
-            out.append((a, b))
-    return out
 
 
 def _parts(kernels: "Kernels", of: dict[str, Any], stretches: list[tuple[Fraction, Fraction]]) -> tuple[list[Part], Fraction]:

@@ -9,7 +9,7 @@ from typing import Any
 from jaxframes.errors import CoverageError, NoPathError, UnknownBodyError, suggest
 from jaxframes.spatial.calendar import tdb_text
 from jaxframes.spatial.utc import LeapSeconds
-from jaxframes.spice import orient
+from jaxframes.spice.frame_classes import CK, CLASSES, DYNAMIC, INERTIAL, PCK, SWITCH, anchored
 from jaxframes.spice.iau_read import has_text_pck
 from jaxframes.spice.kernel_source import KernelSource
 from jaxframes.spice.leap import read_leap_seconds
@@ -76,18 +76,18 @@ class Inventory:
         """
         rows = []
         for frame in self._process.call("all_frames", doing="listing frames"):
-            if frame["class"] == orient.INERTIAL or not self._has_data(frame):
+            if frame["class"] == INERTIAL or not self._has_data(frame):
                 continue
-            rows.append((frame["id"], frame["name"], orient.CLASSES.get(frame["class"], "?"), self._name(frame["center"])))
+            rows.append((frame["id"], frame["name"], CLASSES.get(frame["class"], "?"), self._name(frame["center"])))
         return Listing(("id", "frame", "class", "center"), tuple(sorted(rows)))
 
     def _has_data(self: Any, frame: dict[str, Any]) -> bool:
         """Whether data for a frame are loaded, as far as that is said without looking at instants."""
-        if frame["class"] == orient.PCK:
+        if frame["class"] == PCK:
             binary = any(s.kind == "PCK" and s.body == frame["class_id"] for s in self._segments)
             return binary or has_text_pck(self, frame["class_id"])
         try:
-            orient.anchored(self, frame)
+            anchored(self, frame)
         except NoPathError:
             return False
         return True
@@ -122,16 +122,16 @@ class Inventory:
 
     def _frame_spans(self: Any, axes: dict[str, Any]) -> list[tuple[Any, ...]]:
         number, name = axes["id"], axes["name"]
-        anchor = orient.anchored(self, axes).axes
-        if anchor["class"] == orient.INERTIAL:
-            return [(number, name, None, None, "built in" if axes["class"] == orient.INERTIAL else "fixed offset")]
-        if anchor["class"] == orient.PCK:
+        anchor = anchored(self, axes).axes
+        if anchor["class"] == INERTIAL:
+            return [(number, name, None, None, "built in" if axes["class"] == INERTIAL else "fixed offset")]
+        if anchor["class"] == PCK:
             rows = self._spans("PCK", anchor["class_id"], number, name)
             if has_text_pck(self, anchor["class_id"]):
                 rows.append((number, name, None, None, "text PCK"))
             if rows:
                 return rows
-        if anchor["class"] == orient.CK:
+        if anchor["class"] == CK:
             rows = []
             segments = self._process.call("ck_segments", doing="listing the segments of the C-kernels")
             for path in dict.fromkeys(s["path"] for s in segments if s["instrument"] == anchor["class_id"]):
@@ -139,10 +139,10 @@ class Inventory:
                 rows += [(number, name, Fraction(a), Fraction(b), Path(path).name) for a, b in windows]
             if rows:
                 return rows
-        if anchor["class"] in (orient.DYNAMIC, orient.SWITCH):
-            return [(number, name, None, None, f"{orient.CLASSES[anchor['class']]}: where what defines it has data")]
+        if anchor["class"] in (DYNAMIC, SWITCH):
+            return [(number, name, None, None, f"{CLASSES[anchor['class']]}: where what defines it has data")]
         raise CoverageError(
-            f"No kernel loaded orients {name} (class {orient.CLASSES.get(axes['class'], '?')}); kernels.frames() lists those that are."
+            f"No kernel loaded orients {name} (class {CLASSES.get(axes['class'], '?')}); kernels.frames() lists those that are."
         )
 
     def leap_seconds(self: Any) -> LeapSeconds:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 from jaxframes.errors import NoPathError, ToleranceError
-from jaxframes.spice import orient
+from jaxframes.spice.frame_classes import CK, TK
 from jaxframes.spice.paths import Walk
 from jaxframes.spice.places import J2000
 from jaxframes.spice.times import Instant
@@ -48,7 +48,7 @@ class KernelSource:
     def base(self, frame: int) -> tuple[int, str]:
         """See ``Source``."""
         axes = self._kernels._axes(str(frame))
-        if axes["class"] != orient.TK:
+        if axes["class"] != TK:
             return J2000, "J2000"
         _, base = self._kernels._process.call("fixed_offset", frame, doing=f"looking up the offset of {axes['name']}")
         return base, self._kernels._axes(str(base))["name"]
@@ -67,7 +67,7 @@ class KernelSource:
         """See ``Source``. Exact where that is possible, else fitted if there is a tolerance: dynamic and switch frames always are."""
         kind = self._kernels._axes(frame[1])["class"]
         make = functools.partial(self._kernels.orientation, frame=frame[1], relative_to=base[1], start=self._start, stop=self._stop)
-        return self._exact_or_fitted(functools.partial(make, **self._knots) if kind == orient.CK else make, "orientation")
+        return self._exact_or_fitted(functools.partial(make, **self._knots) if kind == CK else make, "orientation")
 
     def _exact_or_fitted(self, make: Callable[..., Edge], kind: str) -> Edge:
         try:

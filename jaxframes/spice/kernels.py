@@ -21,6 +21,7 @@ from jaxframes.errors import (
 )
 from jaxframes.spice import build, extract, orient, translate
 from jaxframes.spice.files import kernel_files
+from jaxframes.spice.frame_classes import CLASSES, INERTIAL
 from jaxframes.spice.hashes import sha256
 from jaxframes.spice.info import Info, Source, decimal
 from jaxframes.spice.inventory import Inventory
@@ -172,8 +173,8 @@ class Kernels(Inventory):
         Args:
             frame: The frame, e.g. ``"ITRF93"``, ``"IAU_MARS"``, ``"ECLIPJ2000"``.
             relative_to: Frame that the parent has the axes of: inertial, or one that ``frame`` is fixed to.
-            start: Start of the coverage, as in ``translation``.
-            stop: End of the coverage.
+            start: Start of the coverage, as in ``translation``; the kernels must cover it. Default: the kernel's own first instant.
+            stop: End of the coverage, likewise. Gaps of C-kernels in between are kept: NaN there, and lines in the report.
             ck: Between the knots of a C-kernel: ``"smooth"``, attitude, rate and angular acceleration belong together; ``"spice"``, what
                 SPICE computes, whose rate is not the derivative of its attitude.
             tolerance: Fit to within this angle and rate, with as few bytes as possible.
@@ -186,7 +187,7 @@ class Kernels(Inventory):
         Raises:
             UnknownAxesError: If a frame is unknown.
             NoPathError: If no data orients the frame, or ``relative_to`` turns against it.
-            CoverageError: If the kernels do not cover the span.
+            CoverageError: If the kernels do not cover the start or the stop, or, but for C-kernels and fits, leave a gap between them.
         """
         request = orient.Request(self._axes(frame), self._axes(relative_to), start, stop, ck, tolerance, layout, bridge)
         return orient.orientation(self, request)
@@ -258,7 +259,7 @@ class Kernels(Inventory):
     def _rotation(self, segment: Segment, axes: str) -> np.ndarray | None:
         """Return the matrix from a segment's own inertial frame to another, None where they are the same."""
         own = self._process.call("frame", str(segment.frame), doing=f"looking up frame {segment.frame}")
-        if own is None or own["class"] != orient.INERTIAL:
+        if own is None or own["class"] != INERTIAL:
             label = "unknown to the kernels loaded" if own is None else f"{own['name']}, which turns"
             raise NoPathError(f"{segment.describe()} is relative to frame {segment.frame}, {label}: only inertial frames are extracted.")
         if own["name"] == axes:
@@ -303,8 +304,8 @@ class Kernels(Inventory):
 
     def _inertial(self, frame: str, role: str) -> dict[str, Any]:
         found = self._axes(frame)
-        if found["class"] != orient.INERTIAL:
-            kind = orient.CLASSES.get(found["class"], "?")
+        if found["class"] != INERTIAL:
+            kind = CLASSES.get(found["class"], "?")
             raise NoPathError(
                 f"{role} = {frame!r} is a {kind} frame, which turns; tables have inertial axes, as 'J2000'. "
                 f"Add the orientation as an edge of its own: kernels.orientation(frame={frame!r}, relative_to='J2000')."

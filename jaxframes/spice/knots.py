@@ -13,6 +13,7 @@ from jaxframes.spice import quaternions as quat
 from jaxframes.spice.attitude import MODES, AttitudeTable
 from jaxframes.spice.ck import KNOTS, CkSegment, Intervals, layered, read_intervals, segments_of
 from jaxframes.spice.clock import Clock, clock_of
+from jaxframes.spice.paths import Span, open_ends, uncovered
 from jaxframes.spice.segments import HANDOVER
 from jaxframes.spice.times import exact_seconds, reference_day, span_text
 
@@ -20,7 +21,10 @@ if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
 
 GRACE = Fraction(1, 10**5)
-"""A gap starts so many seconds after the data end: the last instant belongs to the data, also as an epoch of two float32."""
+"""A gap starts so many seconds after the data end, and ends as long before they go on: the last and the first instant belong to the data,
+also as epochs of two float32."""
+ROUNDED = Fraction(1, 10**6)
+"""Seconds that an instant asked for may lie outside the data: CSPICE rounds the ends that it tells."""
 
 
 def serving(kernels: "Kernels", of: dict[str, Any]) -> list[CkSegment]:
@@ -44,7 +48,7 @@ def attitude(
 
     Raises:
         NoPathError: If segments are of other types, or relative to a frame that turns against ``base``.
-        CoverageError: If there are no data in the span.
+        CoverageError: If the data do not cover the start and the stop that are given. Gaps between these are kept and reported.
         MissingKernelError: If the clock is not known.
     """
     if ck not in MODES:
@@ -68,14 +72,21 @@ def attitude(
     runs = [(s, _in_base(kernels, s, _read(kernels, s, clock, bridge), of, base)) for s in touching]
     intervals, used = layered([r for r in runs if len(r[1].start)], -np.inf, np.inf)
     if intervals is None:
-        raise CoverageError(_nothing(of, low, high, begins, ends))
+        raise _uncovered(of, [], low, high, begins, ends)
+    edges = clock._by_cspice(np.array([intervals.start[0], intervals.stop[-1]]))
     intervals, t0, t1 = _dated(intervals, clock)
     keep = np.flatnonzero((t1[0] > (-np.inf if low is None else float(low))) & (t0[0] < (np.inf if high is None else float(high))))
+    have = _covered(t0, t1)
     if not len(keep):
-        raise CoverageError(_nothing(of, low, high, begins, ends))
+        raise _uncovered(of, have, low, high, begins, ends)
+    # The ends of the data as CSPICE has them, each one double, are within these.
+    have[0] = (min(have[0][0], Fraction(edges[0])), have[0][1])
+    have[-1] = (have[-1][0], max(have[-1][1], Fraction(edges[1])))
+    bounds = (have[0][0] if low is None else low, have[-1][1] if high is None else high)
+    if not any(a - ROUNDED <= bounds[0] < b for a, b in have) or not any(a < bounds[1] <= b + ROUNDED for a, b in have):
+        raise _uncovered(of, have, low, high, begins, ends)
     intervals, t0, t1 = intervals.take(keep), (t0[0][keep], t0[1][keep]), (t1[0][keep], t1[1][keep])
-    first, last = (Fraction(t[0][i]) + Fraction(t[1][i]) for t, i in ((t0, 0), (t1, -1)))
-    bounds = (first if low is None else max(first, low), last if high is None else min(last, high))
+    last = max(Fraction(t1[0][-1]) + Fraction(t1[1][-1]), bounds[1])
     reference = reference_day(bounds[0])
     starts, rows, gaps = _rows(intervals, t0, t1, reference, ck)
     index, compares = build.index(starts, last - reference)
@@ -83,7 +94,7 @@ def attitude(
     facts = {
         "method": f"knots of C-kernels, ck={ck!r}",
         "measured": _measured(intervals, t0, t1),
-        "notes": _notes(used, gaps, (low, high), bounds),
+        "notes": _notes(used, gaps),
         "segments": tuple(f"{s.describe()}, frame id {s.frame}" for s in used),
     }
     names = (of["name"], of["id"], base["name"], base["id"], base["name"])
@@ -149,19 +160,20 @@ def _rows(
     late = touch & np.append(False, intervals.rank[:-1] > intervals.rank[1:])  # the instant itself is the earlier interval's
     exact = [Fraction(a) + Fraction(b) + (HANDOVER if w else 0) for a, b, w in zip(*past, late, strict=True)]
     ends = [Fraction(a) + Fraction(b) - reference for a, b in zip(*t1, strict=True)]
-    out, starts, gaps = [], [], []
+    starts = list(exact)
+    out, serving, gaps = [], [], []
     nothing = np.zeros(rows.shape[1])
     nothing[[0, 4]], nothing[-1] = 1.0, np.nan
     empty = np.flatnonzero(t0[0][1:] - t1[0][:-1] > 2 * float(GRACE))
     at = 0
     for i in empty:
         out += [rows[at : i + 1], nothing[None]]
-        starts += [*exact[at : i + 1], ends[i] + GRACE]
+        serving += [*starts[at : i + 1], ends[i] + GRACE]
+        starts[i + 1] -= GRACE
         gaps.append((ends[i] + reference, exact[i + 1] + reference))
         at = int(i) + 1
     out.append(rows[at:])
-    starts += exact[at:]
-    return starts, np.concatenate(out), gaps
+    return [*serving, *starts[at:]], np.concatenate(out), gaps
 
 
 def _measured(intervals: Intervals, t0: doubles.Pair, t1: doubles.Pair) -> tuple[tuple[str, float], ...]:
@@ -181,21 +193,25 @@ def _measured(intervals: Intervals, t0: doubles.Pair, t1: doubles.Pair) -> tuple
     )
 
 
-def _notes(
-    used: list[CkSegment],
-    gaps: list[tuple[Fraction, Fraction]],
-    asked: tuple[Fraction | None, Fraction | None],
-    bounds: tuple[Fraction, Fraction],
-) -> tuple[str, ...]:
+def _notes(used: list[CkSegment], gaps: list[tuple[Fraction, Fraction]]) -> tuple[str, ...]:
     notes = [f"gap: {span_text(*gap)}" for gap in gaps[:20]]
     notes += [f"{len(gaps)} gaps in all"] if gaps else []
-    short = [b for a, b in zip(asked, bounds, strict=True) if a is not None and a != b]
-    notes += [f"the data cover {span_text(*bounds)} of the span asked for"] if short else []
     notes += [f"{s.describe()} has no angular velocities: they are estimated from its attitudes" for s in used if not s.has_rates]
     return tuple(notes)
 
 
-def _nothing(of: dict[str, Any], low: Fraction | None, high: Fraction | None, begins: np.ndarray, ends: np.ndarray) -> str:
-    have = "; ".join(span_text(Fraction(a), Fraction(b)) for a, b in sorted(zip(begins.tolist(), ends.tolist(), strict=True))[:5])
-    asked = span_text(low, high) if low is not None and high is not None else "all there is"
-    return f"The C-kernels loaded hold nothing of {of['name']} in the span asked for.\n  have:    {have}\n  asked:   {asked}"
+def _covered(t0: doubles.Pair, t1: doubles.Pair) -> list[Span]:
+    """Return the spans that intervals cover, merged where they touch."""
+    breaks = np.flatnonzero(t0[0][1:] - t1[0][:-1] > 2 * float(GRACE))
+    first, last = [0, *(breaks + 1)], [*breaks, len(t0[0]) - 1]
+    exact = lambda pair, i: Fraction(pair[0][i]) + Fraction(pair[1][i])  # noqa: E731
+    return [(exact(t0, a), exact(t1, b)) for a, b in zip(first, last, strict=True)]
+
+
+def _uncovered(
+    of: dict[str, Any], have: list[Span], low: Fraction | None, high: Fraction | None, begins: np.ndarray, ends: np.ndarray
+) -> CoverageError:
+    """Return the error for data that do not cover the ends of a span; without any in it, those elsewhere are named."""
+    have = have or sorted((Fraction(a), Fraction(b)) for a, b in zip(begins.tolist(), ends.tolist(), strict=True))
+    asked = (have[0][0] if low is None else low, have[-1][1] if high is None else high)
+    return uncovered(f"orientation of {of['name']} (C-kernels)", have, open_ends(have, asked), asked)

@@ -8,6 +8,7 @@ from jaxframes.spice.segments import Piece, Segment, coverage, select
 from jaxframes.spice.times import span_text
 
 Name = Callable[[int], str]
+Span = tuple[Fraction, Fraction]
 
 
 class Walk:
@@ -131,9 +132,23 @@ def shortfall(
     what: str, own: Sequence[Segment], gaps: Sequence[tuple[Fraction, Fraction]], start: Fraction, stop: Fraction
 ) -> CoverageError:
     """Return the error that says what is covered, what was asked, and what is missing."""
-    have = "; ".join(span_text(*span) for span in coverage(own))
+    return uncovered(what, coverage(own), gaps, (start, stop))
+
+
+def uncovered(what: str, have: Sequence[Span], gaps: Sequence[Span], asked: Span, reason: str = "") -> CoverageError:
+    """Return the error that says what is covered, what was asked, and what is missing; and what CSPICE says of it."""
+    held = "; ".join(span_text(*span) for span in have[:5]) or "nothing"
     missing = "; ".join(span_text(*gap) for gap in gaps[:3])
+    says = f"\n  reason:  {reason}" if reason else ""
     return CoverageError(
-        f"The kernels loaded do not cover the {what} over the span asked for.\n  have:    {have}\n  asked:   {span_text(start, stop)}\n"
-        f"  missing: {missing}\nShorten the span, or load a kernel that covers it."
+        f"The kernels loaded do not cover the {what} over the span asked for.\n  have:    {held}\n  asked:   {span_text(*asked)}\n"
+        f"  missing: {missing}{says}\nShorten the span, or load a kernel that covers it."
     )
+
+
+def open_ends(have: Sequence[Span], asked: Span) -> list[Span]:
+    """Return what spans in time order leave out at the ends of another; not what they leave out between."""
+    inside = [(max(a, asked[0]), min(b, asked[1])) for a, b in have if b > asked[0] and a < asked[1]]
+    if not inside:
+        return [asked]
+    return [gap for gap in ((asked[0], inside[0][0]), (inside[-1][1], asked[1])) if gap[1] > gap[0]]

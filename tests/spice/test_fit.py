@@ -157,6 +157,17 @@ def test_what_cannot_be_fitted_says_so(kernels):
         T()
 
 
+@pytest.mark.float64
+def test_why_cspice_has_no_orientation_is_passed_on(paths, tmp_path):
+    (tmp_path / "frames.tf").write_text(FRAMES)
+    leap = next(p for p in paths if p.endswith(".tls"))
+    with (
+        jf.spice.Kernels([leap, str(tmp_path / "frames.tf")]) as kernels,
+        pytest.raises(CoverageError, match=r"orientation of TESTGSE[\s\S]*reason:  CSPICE signalled SPICE\(NOLOADEDFILES\)"),
+    ):
+        kernels.orientation(frame="TESTGSE", tolerance=T(angle=1e-9), **JANUARY)
+
+
 @pytest.fixture
 def asked(monkeypatch):
     """How many epochs CSPICE was asked about by fits: their cost, whatever the machine."""
@@ -264,6 +275,7 @@ FRAME_1500001_STOP = ( '2026-01-05-00:00:00 TDB', '2026-01-07-00:00:00 TDB', '20
 \\begintext
 """
 JANUARY = {"start": "2026-01-01", "stop": "2026-01-20"}
+SWITCHED = {"start": "2026-01-02", "stop": "2026-01-20"}  # from where on TESTSWITCH has data
 
 
 @pytest.fixture(scope="module")
@@ -290,7 +302,7 @@ def framed(paths, tmp_path_factory):
     [
         ("ITRF93", JANUARY, 1e-9, 1e-12, "uniform"),
         ("TESTGSE", JANUARY, 1e-10, 1e-14, "uniform"),
-        ("TESTSWITCH", JANUARY, 1e-9, 1e-12, "dyadic"),
+        ("TESTSWITCH", SWITCHED, 1e-9, 1e-12, "dyadic"),
         ("TESTCRAFT", {}, 1e-9, 1e-10, "uniform"),
     ],
 )
@@ -338,7 +350,9 @@ def test_orientations_that_cannot_be_fitted_say_so(framed):
         framed.orientation(frame="TESTCRAFT")
     with pytest.raises(CoverageError, match="TESTGSE has no coverage of its own"):
         framed.orientation(frame="TESTGSE", tolerance=T(angle=1e-9))
-    with pytest.raises(CoverageError, match="no orientation of TESTSWITCH"):
+    with pytest.raises(CoverageError, match=r"orientation of TESTSWITCH[\s\S]*have:    nothing[\s\S]*reason:  CSPICE.*NOFRAMECONNECT"):
         framed.orientation(frame="TESTSWITCH", start="2027-01-01", stop="2027-01-02", tolerance=T(angle=1e-9))
+    with pytest.raises(CoverageError, match=r"have:    2026-01-02[\s\S]*missing: 2026-01-01T00:00:00.000 .. 2026-01-02"):
+        framed.orientation(frame="TESTSWITCH", tolerance=T(angle=1e-9), **JANUARY)
     with pytest.raises(ToleranceError, match=r"ITRF93 .*no table meets 1e-16"):
         framed.orientation(frame="ITRF93", tolerance=T(angle=1e-16), start="2026-01-01", stop="2026-01-03")
