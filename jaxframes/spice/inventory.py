@@ -9,11 +9,12 @@ from typing import Any
 from jaxframes.errors import CoverageError, NoPathError, UnknownBodyError, suggest
 from jaxframes.spatial.calendar import tdb_text
 from jaxframes.spatial.utc import LeapSeconds
+from jaxframes.spice.built_in import J2000
 from jaxframes.spice.frame_classes import CK, CLASSES, DYNAMIC, INERTIAL, PCK, SWITCH, anchored
 from jaxframes.spice.iau_read import has_text_pck
 from jaxframes.spice.kernel_source import KernelSource
 from jaxframes.spice.leap import read_leap_seconds
-from jaxframes.spice.places import J2000, place
+from jaxframes.spice.places import place
 from jaxframes.spice.segments import coverage
 from jaxframes.spice.times import Instant
 from jaxframes.spice.tolerance import Tolerance

@@ -1,14 +1,15 @@
 """Kernels as the source of the edges that a tree is made of: exact where that is possible, fitted where it is not."""
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from fractions import Fraction
 from typing import Any
 
 from jaxframes.errors import NoPathError, ToleranceError
+from jaxframes.spice.built_in import J2000
 from jaxframes.spice.frame_classes import CK, TK
 from jaxframes.spice.paths import Walk
-from jaxframes.spice.places import J2000
-from jaxframes.spice.times import Instant
+from jaxframes.spice.times import Instant, exact_seconds
 from jaxframes.spice.tolerance import Tolerance, checked_tolerance
 from jaxframes.tree.edges.base import Edge
 
@@ -21,6 +22,8 @@ class KernelSource:
     ):
         """Take open kernels, the span that edges shall cover, and what the classes of frames ask for."""
         self._kernels, self._start, self._stop = kernels, start, stop
+        low, high = (None if x is None else exact_seconds(x, name) for x, name in ((start, "start"), (stop, "stop")))
+        self.asked: tuple[Fraction | None, Fraction | None] = (low, high)
         self._tolerance, self._knots = checked_tolerance(tolerance), {"ck": ck, "bridge": bridge}
 
     def body(self, body: str | int) -> tuple[int, str]:
@@ -53,7 +56,7 @@ class KernelSource:
         _, base = self._kernels._process.call("fixed_offset", frame, doing=f"looking up the offset of {axes['name']}")
         return base, self._kernels._axes(str(base))["name"]
 
-    def chain(self, body: int) -> list[int]:
+    def chain(self, body: int, there: Collection[int]) -> list[int]:
         """See ``Source``."""
         start, stop = self._kernels._span(self._start, self._stop, "SPK", (body,))
         return Walk(body, self._kernels._segments, start, stop, self._kernels._name, meet=self._tolerance is not None).bodies
