@@ -167,8 +167,9 @@ class Kernels(Inventory):
 
         A binary PCK is extracted record by record, a text PCK becomes its analytic model (exact, at every instant: ``start`` and
         ``stop`` are not used), C-kernels of types 1 to 3 become knot tables, gaps kept, and frames that do not turn against each other
-        become ``jf.edges.Fixed``: inertial ones, and those given by fixed offsets (TK) from a common frame. With ``tolerance`` a table is
-        fitted to what CSPICE computes, for every other frame: dynamic and switch frames, C-kernels of types 4 to 6, chains.
+        become ``jf.spice.FixedFrame``, a ``jf.edges.Fixed``: inertial ones, and those given by fixed offsets (TK) from a common frame.
+        With ``tolerance`` a table is fitted to what CSPICE computes, for every other frame: dynamic and switch frames, C-kernels of
+        types 4 to 6, chains.
 
         Args:
             frame: The frame, e.g. ``"ITRF93"``, ``"IAU_MARS"``, ``"ECLIPJ2000"``.
@@ -182,7 +183,7 @@ class Kernels(Inventory):
             bridge: C-kernels of type 1 have attitudes at instants only: those up to so many seconds apart are joined.
 
         Returns:
-            An ``OrientationTable``, ``IauOrientation``, ``AttitudeTable``, ``CayleyTable`` or ``Fixed``, by what the frame is.
+            An ``OrientationTable``, ``IauOrientation``, ``AttitudeTable``, ``CayleyTable`` or ``FixedFrame``, by what the frame is.
 
         Raises:
             UnknownAxesError: If a frame is unknown.

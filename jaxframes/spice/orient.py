@@ -9,16 +9,16 @@ import numpy as np
 
 from jaxframes.errors import NoPathError
 from jaxframes.numerics.boundary import default_float
-from jaxframes.spatial import Rotation, Transform
 from jaxframes.spice import build, fit_turns, knots
+from jaxframes.spice.fixed import FixedFrame, turned
 from jaxframes.spice.frame_classes import CK, CLASSES, DYNAMIC, PCK, SWITCH, TK, anchored
 from jaxframes.spice.iau_read import has_text_pck, model_axes, no_data, text_pck
 from jaxframes.spice.paths import orientation_pieces
 from jaxframes.spice.tables import OrientationTable
+from jaxframes.spice.timeless import timeless_info
 from jaxframes.spice.times import Instant
 from jaxframes.spice.tolerance import Tolerance, checked_layout, checked_tolerance
 from jaxframes.tree.edges.base import Edge
-from jaxframes.tree.edges.rigid import Fixed
 
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
@@ -55,7 +55,7 @@ Maker = Callable[["Kernels", Request], Edge]
 def orientation(kernels: "Kernels", request: Request) -> Any:
     """Return the edge that orients a frame, which knows the body that the frame belongs to; errors as those of its maker."""
     edge = _made(kernels, request)
-    return edge if isinstance(edge, Fixed) else edge.replace(info=replace(edge.info, center=request.of["center"]))
+    return edge.replace(info=replace(edge.info, center=request.of["center"]))
 
 
 def _made(kernels: "Kernels", request: Request) -> Any:
@@ -72,7 +72,8 @@ def _made(kernels: "Kernels", request: Request) -> Any:
         middle = kernels._process.call(
             "rotation", of_anchor.axes["name"], base_anchor.axes["name"], doing=f"rotating {of['name']} to {base['name']}"
         )
-        return Fixed(_fixed_pose(base_anchor.matrix.T @ np.array(middle) @ of_anchor.matrix))
+        pose = turned(quaternion(base_anchor.matrix.T @ np.array(middle) @ of_anchor.matrix))
+        return FixedFrame(pose, timeless_info(kernels, request, "fixed", "constant rotation"))
     if request.tolerance is not None:
         return fit_turns.orientation(kernels, request)
     if of["class"] in (DYNAMIC, SWITCH):
@@ -132,11 +133,6 @@ def binary_pck(kernels: "Kernels", request: Request) -> OrientationTable:
 
 MAKERS: dict[int, Maker] = {PCK: pck}
 """Class of a frame -> the function that makes its edge."""
-
-
-def _fixed_pose(matrix: np.ndarray) -> Transform:
-    rotation = Rotation(jnp.asarray(quaternion(matrix), default_float()))
-    return Transform(rotation, jnp.zeros(3, default_float()))
 
 
 def quaternion(matrix: np.ndarray) -> np.ndarray:

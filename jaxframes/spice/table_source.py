@@ -5,7 +5,9 @@ from fractions import Fraction
 from typing import Any
 
 from jaxframes.errors import EdgeError, NoPathError, suggest
+from jaxframes.spatial import Transform
 from jaxframes.spice.built_in import CENTERS, INERTIAL, J2000, body_named, name_of
+from jaxframes.spice.fixed import FixedFrame
 from jaxframes.spice.info import Info
 from jaxframes.tree.edges.base import Edge
 
@@ -92,9 +94,19 @@ class TableSource:
         for table in self._turns:
             if (table.info.of_id, table.info.relative_id) == (frame[0], base[0]):
                 return table
+            if isinstance(table, FixedFrame) and (table.info.relative_id, table.info.of_id) == (frame[0], base[0]):
+                return _turned_round(table)
         raise NoPathError(f"No table orients {frame[1]} relative to {base[1]} among those given.")
 
 
 def center_of(info: Info) -> int | None:
     """Return the id of the body that a frame belongs to, None where it is not known."""
     return CENTERS.get(info.of_id) if info.center is None else info.center
+
+
+def _turned_round(edge: FixedFrame) -> FixedFrame:
+    """Return the edge of the base relative to the frame."""
+    info = edge.info
+    pose: Transform = edge.transform.inverse()
+    facts = {"of": info.relative_to, "of_id": info.relative_id, "relative_to": info.of, "relative_id": info.of_id, "axes": info.of}
+    return FixedFrame(pose, Info(**{**info.__dict__, **facts, "center": None}))
