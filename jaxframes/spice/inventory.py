@@ -9,7 +9,7 @@ from typing import Any
 from jaxframes.errors import CoverageError, NoPathError, UnknownBodyError, suggest
 from jaxframes.spatial.calendar import tdb_text
 from jaxframes.spatial.utc import LeapSeconds
-from jaxframes.spice.built_in import J2000
+from jaxframes.spice.built_in import J2000, NAMES
 from jaxframes.spice.frame_classes import CK, CLASSES, DYNAMIC, INERTIAL, PCK, SWITCH, anchored
 from jaxframes.spice.iau_read import has_text_pck
 from jaxframes.spice.kernel_source import KernelSource
@@ -20,6 +20,8 @@ from jaxframes.spice.times import Instant
 from jaxframes.spice.tolerance import Tolerance
 from jaxframes.tree.builder import TreeBuilder
 from jaxframes.tree.tree import FrameTree
+
+SSB = tuple(name for name, number in NAMES.items() if number == 0)
 
 
 @dataclass(frozen=True)
@@ -97,24 +99,32 @@ class Inventory:
         """Return the spans that the kernels cover a body or a frame in, like NAIF's ``brief``: id, name, start, stop, file.
 
         Args:
-            of: Body by name or id, or frame by name.
+            of: Body or frame by name or id. A name that both go by (as spacecraft and their attitudes may) gives the rows of both,
+                those of the body first; an id is that of a body where there are data of it, else that of a frame.
 
         Raises:
             UnknownBodyError: If it is neither.
             CoverageError: If the kernels hold no data of it.
         """
         columns = ("id", "name", "start", "stop", "file")
-        body = self._process.call("body", str(of), doing=f"looking up {of!r}") if str(of).upper() != "SSB" else 0
-        axes = self._process.call("frame", str(of), doing=f"looking up {of!r}") if isinstance(of, str) else None
+        label = str(of).strip()
+        body = 0 if label.upper() in SSB else self._process.call("body", label, doing=f"looking up {of!r}") if label else None
+        axes = self._process.call("frame", label, doing=f"looking up {of!r}") if label else None
         if body is None and axes is None:
             names = [*self._process.call("frame_names", doing="listing frames"), *(row[1] for row in self.bodies())]
-            raise UnknownBodyError(f"{of!r} is neither a body nor a frame known to the kernels loaded.{suggest(str(of).upper(), names)}")
-        if body is not None:
-            rows = self._spans("SPK", int(body), int(body), self._name(int(body)))
-            if not rows:
-                raise CoverageError(f"No SPK segment of {self._name(int(body))} ({body}) is loaded; kernels.bodies() lists those that are.")
-            return Listing(columns, tuple(rows))
-        return Listing(columns, tuple(self._frame_spans(axes)))
+            raise UnknownBodyError(f"{of!r} is neither a body nor a frame known to the kernels loaded.{suggest(label.upper(), names)}")
+        name = label if body is None else self._name(int(body))
+        rows = [] if body is None else self._spans("SPK", int(body), int(body), name)
+        is_number = label.lstrip("+-").isdigit()
+        if axes is not None and not (rows and is_number):
+            try:
+                rows += self._frame_spans(axes)
+            except (CoverageError, NoPathError):
+                if not rows and body is None:
+                    raise
+        if not rows:
+            raise CoverageError(f"No SPK segment of {name} ({body}) is loaded; kernels.bodies() lists those that are.")
+        return Listing(columns, tuple(rows))
 
     def _spans(self: Any, kind: str, key: int, number: int, name: str) -> list[tuple[Any, ...]]:
         own = [s for s in self._segments if (s.kind, s.body) == (kind, key)]
