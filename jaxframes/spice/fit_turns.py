@@ -13,6 +13,7 @@ from jaxframes.spice import quaternions as quat
 from jaxframes.spice.attitude import CayleyTable
 from jaxframes.spice.fit import made, served
 from jaxframes.spice.frame_classes import PCK
+from jaxframes.spice.host import cayley_rates
 from jaxframes.spice.knots import GRACE
 from jaxframes.spice.records import DEGREES, Choice, Part
 from jaxframes.spice.search import search
@@ -67,7 +68,7 @@ class TurnModel:
         true = _offset(values, _reference(fitted, which, times))[:, None]
         between = (g - true) - np.cross(g - true, true)
         angle = 2 * np.arctan2(np.linalg.norm(between, axis=2), 1 + (g * true).sum(2))
-        w, _ = _rates(g, rate, np.zeros_like(g), fitted["spin"][which][:, None])
+        w, _ = cayley_rates(g, rate, np.zeros_like(g), fitted["spin"][which][:, None])
         return np.stack([angle, np.linalg.norm(w - rates[:, None], axis=2)]).transpose(0, 2, 1)
 
     def acceleration(self, found: Choice) -> tuple[str, float]:
@@ -85,7 +86,7 @@ class TurnModel:
         s, c = (times - fitted["middle"][which]) / radius, fitted["c"][which][:, : found.degree + 1].transpose(1, 2, 0)
         chebyshev = np.polynomial.chebyshev
         g, g1, g2 = (chebyshev.chebval(s, chebyshev.chebder(c, k), tensor=False).T / radius[:, None] ** k for k in range(3))
-        _, alpha = _rates(g, g1, g2, fitted["spin"][which])
+        _, alpha = cayley_rates(g, g1, g2, fitted["spin"][which])
         name = f"angular acceleration error, rad/s2 (differences of CSPICE's rates, {h.min():.3g} s)"
         return name, float(np.linalg.norm(alpha - reference, axis=1).max())
 
@@ -99,16 +100,6 @@ def _offset(q: np.ndarray, reference: np.ndarray) -> np.ndarray:
     """Return Cayley vectors of q before a reference."""
     d = quat.multiply(q, quat.conjugate(reference))
     return d[..., 1:] / np.where(np.abs(d[..., :1]) < 1e-9, 1e-9, d[..., :1])
-
-
-def _rates(g: np.ndarray, g1: np.ndarray, g2: np.ndarray, spin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return angular velocity and acceleration; the formulas are those of ``attitude._cayley``."""
-    square = 1 + (g * g).sum(-1, keepdims=True)
-    own = 2 * (g1 + np.cross(g, g1)) / square
-    own2 = 2 * (g2 + np.cross(g, g2)) / square - 2 * own * (g * g1).sum(-1, keepdims=True) / square
-    spin = np.broadcast_to(spin, g.shape)
-    carried = spin + 2 * (np.cross(g, spin) + np.cross(g, np.cross(g, spin))) / square
-    return own + carried, own2 + np.cross(own, carried)
 
 
 def orientation(kernels: "Kernels", request: "Request") -> CayleyTable:

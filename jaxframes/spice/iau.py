@@ -104,7 +104,9 @@ class IauOrientation(Edge):
         lines = [
             f"orientation of {self.info.of} ({self.info.of_id}) relative to {self.info.relative_to} ({self.info.relative_id})",
             f"method:   analytic model of a text PCK, {self.phases.shape[0]} phase angles, evaluated at any instant",
+            f"coverage: {self.info.coverage}",
             f"size:     {sum(leaf.nbytes for leaf in jax.tree.leaves(self))} bytes, {self.phases.dtype.name}",
+            *(f"measured: {name}: {value:.3g}" for name, value in self.info.measured),
             *(f"kernel:   {source.name} sha256 {source.sha256}" for source in self.info.sources),
             f"read by:  {self.info.toolkit}",
         ]

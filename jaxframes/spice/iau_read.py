@@ -1,12 +1,14 @@
 """Reading the constants of text PCK files into the analytic model of a body's orientation (NAIF's ``pck.req``)."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jaxframes.errors import BadKernelError, NoPathError
+from jaxframes.spice import measure
 from jaxframes.spice.iau import PAIRED, IauOrientation
 from jaxframes.spice.timeless import timeless_info
 from jaxframes.spice.times import two_parts
@@ -57,7 +59,9 @@ def text_pck(kernels: "Kernels", request: "Request", placement: np.ndarray) -> I
     arrays["amplitudes"] = amplitudes[used]
     arrays["phases"] = _stacked([_scaled(phases[i], CENTURY) for i in used])
     assert {*PAIRED, "amplitudes", "placement"} == set(arrays)
-    return IauOrientation.from_arrays(arrays, timeless_info(kernels, request, "iau", "analytic model of a text PCK"))
+    info = timeless_info(kernels, request, "iau", "analytic model of a text PCK")
+    measured = measure.model(kernels, request.of["name"], request.base["name"], arrays)
+    return IauOrientation.from_arrays(arrays, replace(info, measured=measured))
 
 
 def model_axes(kernels: "Kernels", class_id: int) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jaxframes.errors import CoverageError, NoPathError
-from jaxframes.spice import build, doubles
+from jaxframes.spice import build, doubles, measure
 from jaxframes.spice import quaternions as quat
 from jaxframes.spice.attitude import MODES, AttitudeTable
 from jaxframes.spice.ck import KNOTS, CkSegment, Intervals, layered, read_intervals, segments_of
@@ -93,7 +93,7 @@ def attitude(
     leg = build.HostLeg({"rows": rows, **index}, rows.shape[1] - 3, compares)
     facts = {
         "method": f"knots of C-kernels, ck={ck!r}",
-        "measured": _measured(intervals, t0, t1),
+        "measured": measure.knots(kernels, of["name"], base["name"], leg, ck, reference, bounds) + _measured(intervals, t0, t1),
         "notes": _notes(used, gaps),
         "segments": tuple(f"{s.describe()}, frame id {s.frame}" for s in used),
     }

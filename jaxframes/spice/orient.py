@@ -9,14 +9,14 @@ import numpy as np
 
 from jaxframes.errors import NoPathError
 from jaxframes.numerics.boundary import default_float
-from jaxframes.spice import build, fit_turns, knots
+from jaxframes.spice import build, fit_turns, knots, measure
 from jaxframes.spice.fixed import FixedFrame, turned
 from jaxframes.spice.frame_classes import CK, CLASSES, DYNAMIC, PCK, SWITCH, TK, anchored
 from jaxframes.spice.iau_read import has_text_pck, model_axes, no_data, text_pck
 from jaxframes.spice.paths import orientation_pieces
 from jaxframes.spice.tables import OrientationTable
 from jaxframes.spice.timeless import timeless_info
-from jaxframes.spice.times import Instant
+from jaxframes.spice.times import Instant, reference_day
 from jaxframes.spice.tolerance import Tolerance, checked_layout, checked_tolerance
 from jaxframes.tree.edges.base import Edge
 
@@ -127,8 +127,10 @@ def binary_pck(kernels: "Kernels", request: Request) -> OrientationTable:
     rotation = kernels._rotation(pieces[0].segment, base["name"])
     leg, _ = kernels._join([(piece, None) for piece in pieces], 1, bounds[0])
     names = (of["name"], of["id"], base["name"], base["id"], base["name"])
-    placement = jnp.asarray(quaternion(np.eye(3) if rotation is None else rotation), default_float())
-    return kernels._table(OrientationTable, "orientation", names, bounds, [build.unwound(leg)], pieces, placement=placement)
+    placement, leg = quaternion(np.eye(3) if rotation is None else rotation), build.unwound(leg)
+    facts = {"measured": measure.angles(kernels, of["name"], base["name"], leg, placement, reference_day(bounds[0]), bounds)}
+    placed = jnp.asarray(placement, default_float())
+    return kernels._table(OrientationTable, "orientation", names, bounds, [leg], pieces, facts, placement=placed)
 
 
 MAKERS: dict[int, Maker] = {PCK: pck}

@@ -5,7 +5,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from jaxframes.errors import NoPathError
-from jaxframes.spice import build, compose, fit
+from jaxframes.spice import build, compose, fit, measure
 from jaxframes.spice.info import EXTRACTION
 from jaxframes.spice.paths import translation_legs
 from jaxframes.spice.segments import Piece
@@ -64,6 +64,7 @@ def translation(kernels: "Kernels", request: Request) -> TranslationTable:
         facts["method"] = f"{EXTRACTION}, {len(found.legs)} legs composed in double-double"
     else:
         legs = [build.in_metres(leg) for leg in build.combine(found.legs)]
+    facts["measured"] = measure.positions(kernels, of, relative, axes, legs, reference, bounds)
     return kernels._table(TranslationTable, "translation", names, bounds, legs, found.pieces, facts)
 
 
