@@ -33,6 +33,13 @@ def test_the_default_frame_from_tables_does_not_depend_on_their_age(known):
     assert builder.add_spice(old, body="MOON") == "MOON"
 
 
+def test_shipped_tables_say_what_they_belong_to_and_how_good_they_are():
+    tables = jf.spice.example_tables()
+    assert tables["itrf93"].info.center == 399
+    for table in tables.values():
+        assert len(table.info.measured) == 3
+
+
 @pytest.fixture(scope="module")
 def links(kernels):
     """Tables that make two ways from the Moon: by the Earth, which leads nowhere, and by the barycentre."""
