@@ -20,7 +20,7 @@ from jaxframes.errors import (
     suggest,
 )
 from jaxframes.spice import build, extract, orient, translate
-from jaxframes.spice.files import kernel_files
+from jaxframes.spice.files import ShortNames, kernel_files
 from jaxframes.spice.frame_classes import CLASSES, INERTIAL
 from jaxframes.spice.hashes import sha256
 from jaxframes.spice.info import Info, Source, decimal
@@ -65,7 +65,7 @@ class Kernels(Inventory):
             BadKernelError: If a file is no kernel, or is damaged.
         """
         files = kernel_files(paths)
-        self._process, self._text = KernelProcess(timeout), list[Path]()
+        self._process, self._text, self._names = KernelProcess(timeout), list[Path](), ShortNames()
         try:
             for file in files:
                 self._load(file)
@@ -80,16 +80,16 @@ class Kernels(Inventory):
             raise
 
     def _load(self, file: Path) -> None:
-        doing = f"loading {file}"
+        doing, name = f"loading {file}", self._names.of(file)
         try:
-            architecture, _ = self._process.call("kind", str(file), doing=doing) if file.stat().st_size else ("?", "?")
+            architecture, _ = self._process.call("kind", name, doing=doing) if file.stat().st_size else ("?", "?")
             if architecture not in ("DAF", "DAS", "KPL") and not (architecture == "?" and _is_text_kernel(file)):
                 transfer = architecture in ("XFR", "DEC")
                 remedy = (
                     "It is a transfer file: convert it with NAIF's tobin." if transfer else "Give binary SPK or PCK files, or text kernels."
                 )
                 raise BadKernelError(f"{file} is not a SPICE kernel (CSPICE says {architecture!r}). {remedy}")
-            self._process.call("load", str(file), doing=doing)
+            self._process.call("load", name, doing=doing)
         except CspiceError as error:
             missing = error.short in ("SPICE(NOSUCHFILE)", "SPICE(FILENOTFOUND)")  # one that a meta-kernel names
             hint = f" Relative paths in a meta-kernel count from the current directory, {Path.cwd()}." if missing else ""
@@ -104,6 +104,7 @@ class Kernels(Inventory):
     def close(self) -> None:
         """End the process that holds the kernels; tables made before stay as they are."""
         self._process.close()
+        self._names.close()
 
     def translation(
         self,
