@@ -1,5 +1,7 @@
 """The values users hold: rotations, poses, velocities, accelerations, motions, twists, wrenches, epochs. Knows no tree."""
 
+from jaxframes.spatial.batch import concatenate as concatenate
+from jaxframes.spatial.batch import stack as stack
 from jaxframes.spatial.compare import allclose as allclose
 from jaxframes.spatial.delta import add_delta as add_delta
 from jaxframes.spatial.delta import diff as diff
@@ -10,8 +12,6 @@ from jaxframes.spatial.rotation import Rotation as Rotation
 from jaxframes.spatial.transform import Transform as Transform
 from jaxframes.spatial.twist import Twist as Twist
 from jaxframes.spatial.twist import Wrench as Wrench
-from jaxframes.spatial.value import concatenate as concatenate
-from jaxframes.spatial.value import stack as stack
 from jaxframes.spatial.vectors import cross as cross
 from jaxframes.spatial.vectors import dot as dot
 from jaxframes.spatial.vectors import equal as equal

@@ -61,8 +61,16 @@ def uniform_seconds(text: str, scale: str) -> Fraction:
     return parts.day * DAY + parts.of_day - NOON
 
 
+def checked_digits(digits: int) -> int:
+    """Return how many decimals of a second to write (FrameError unless it is a whole number from 0 to 30)."""
+    if isinstance(digits, bool) or not isinstance(digits, int) or not 0 <= digits <= 30:
+        raise FrameError(f"digits is how many decimals of a second to write, a whole number from 0 to 30, found {digits!r}")
+    return digits
+
+
 def uniform_text(seconds: Fraction, digits: int, otherwise: str) -> str:
-    """Return the date of exact seconds past J2000 noon, rounded; ``otherwise`` names the scale where the calendar ends."""
+    """Return the date of exact seconds past J2000 noon, rounded; ``otherwise`` names the scale where the calendar ends (FrameError)."""
+    digits = checked_digits(digits)
     ticks = round(seconds * 10**digits) + NOON * 10**digits
     day, rest = divmod(ticks, DAY * 10**digits)
     written = date_text(day)

@@ -2,7 +2,7 @@
 
 import datetime
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -11,22 +11,30 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import FrameError
-from jaxframes.numerics.boundary import as_float, default_float, is_concrete
+from jaxframes.numerics.boundary import default_float, is_concrete
 from jaxframes.numerics.eft import fast_two_sum, two_sum
-from jaxframes.spatial import calendar
+from jaxframes.spatial import calendar, grid
 from jaxframes.spatial.calendar import tdb_seconds, tdb_text
+from jaxframes.spatial.order import Ordered
+from jaxframes.spatial.parts import batch, same_rank, split, split_exact, two_parts
 from jaxframes.spatial.utc import SHIPPED_LEAP_SECONDS, LeapSeconds
 from jaxframes.spatial.value import tag
+
+EPOCH = "an epoch is seconds past J2000 TDB (for a date use Epoch.from_tdb, from_utc or from_datetime)"
+DURATION = "a duration is seconds, a timedelta or a timedelta64"
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, eq=False)
-class Epoch:
+class Epoch(Ordered):
     """An instant: ``hi + lo`` seconds past J2000 (2000-01-01T12:00:00) in barycentric dynamical time, TDB.
 
     One 64-bit number of seconds in 2026 is spaced 1.2e-7 s, in which the Moon moves 0.1 mm and the Earth 3.6 mm; one 32-bit
     number is spaced 64 s. Two parts resolve 1e-23 s and 4e-6 s. ``hi`` and ``lo`` have one shape [...]; both are leaves, and
     the derivative of anything with respect to either is its time derivative. Durations are plain seconds.
+
+    Batches are indexed, iterated over, reshaped and joined (``jf.stack``, ``jf.concatenate``) as the other values are. ``==``, ``!=``,
+    ``<``, ``<=``, ``>`` and ``>=`` compare elementwise and exactly, both parts together, and return booleans [...].
 
     Example:
         >>> import jaxframes as jf
@@ -45,19 +53,45 @@ class Epoch:
 
         A Python, NumPy float64 or 64-bit JAX number carries its own spacing (1.2e-7 s in 2026). On the host a 64-bit number
         is split into two parts when JAX runs in 32 bits, so nothing more is lost; a ``Fraction`` or ``int`` is kept exactly.
+
+        Raises:
+            FrameError: It is no number of seconds: text, None, or a date such as a ``datetime`` or NumPy ``datetime64``.
         """
-        if isinstance(seconds, Epoch):
-            return seconds
-        if isinstance(seconds, (int, Fraction)) and not isinstance(seconds, bool):
-            return cls._from_exact(Fraction(seconds))
-        if seconds is None or isinstance(seconds, (str, bool)):
-            raise FrameError(f"an epoch is seconds past J2000 TDB, found {seconds!r}; for a date use Epoch.from_tdb or Epoch.from_utc")
-        return cls(*_two_parts(seconds, None))
+        return seconds if isinstance(seconds, Epoch) else cls(*two_parts(seconds, None, EPOCH))
 
     @classmethod
     def from_parts(cls, hi: Any, lo: Any) -> "Epoch":
-        """Return the epoch ``hi + lo`` seconds past J2000 TDB of two arrays of one shape [...], e.g. whole and fraction."""
-        return cls(*two_sum(as_float(hi), as_float(lo)))
+        """Return the epoch ``hi + lo`` seconds past J2000 TDB, e.g. whole and fraction, [...] each; both are taken as ``from_et`` does."""
+        return cls.from_et(hi) + lo
+
+    @classmethod
+    def linspace(cls, start: Any, stop: Any, num: int, *, endpoint: bool = True) -> "Epoch":
+        """Return ``num`` epochs evenly spread from one to another, [num, ...]; nothing is lost in their spacing; traceable.
+
+        Args:
+            start: First epoch [...], or what ``from_et`` takes.
+            stop: Last epoch, which the last one returned is exactly.
+            num: How many.
+            endpoint: Whether ``stop`` is among them.
+
+        Raises:
+            FrameError: ``num`` is no count.
+        """
+        return grid.linspace(cls.from_et(start), cls.from_et(stop), num, endpoint)
+
+    @classmethod
+    def arange(cls, start: Any, stop: Any, step: Any) -> "Epoch":
+        """Return the epochs start, start + step, ... before ``stop``, [n]: each ``start + i * step``, nothing added up (host only).
+
+        Args:
+            start: First epoch, or what ``from_et`` takes.
+            stop: Where to end; not among them.
+            step: Seconds, a ``Fraction``, ``timedelta`` or ``timedelta64``; not zero.
+
+        Raises:
+            FrameError: The step is no duration or zero, or an end is a batch or traced.
+        """
+        return grid.arange(cls.from_et(start), cls.from_et(stop), step)
 
     @classmethod
     def from_tdb(cls, text: str | Sequence[Any]) -> "Epoch":
@@ -98,43 +132,52 @@ class Epoch:
         return cls._read(text, "UTC", (leap_seconds or SHIPPED_LEAP_SECONDS).tdb_of_utc)
 
     @classmethod
-    def from_datetime(cls, moment: datetime.datetime, *, leap_seconds: LeapSeconds | None = None) -> "Epoch":
-        """Return the epoch of a Python datetime: an aware one is converted to UTC, a naive one is taken to be UTC (never local time).
+    def from_datetime(cls, moment: Any, *, leap_seconds: LeapSeconds | None = None) -> "Epoch":
+        """Return the epoch of a date: an aware datetime is converted to UTC, a naive one is taken to be UTC (never local time).
+
+        Args:
+            moment: A ``datetime.datetime`` or NumPy ``datetime64``, which is UTC; sequences and arrays of them give a batch [...].
+            leap_seconds: As in ``from_utc``.
 
         Raises:
             FrameError: It is no datetime, or lies before 1972.
         """
-        if not isinstance(moment, datetime.datetime):
-            raise FrameError(f"Epoch.from_datetime takes a datetime.datetime, found {type(moment).__name__}: {moment!r}")
-        utc = moment if moment.tzinfo is None else moment.astimezone(datetime.UTC).replace(tzinfo=None)
-        return cls.from_utc(utc.isoformat(), leap_seconds=leap_seconds)
+        table, dates = leap_seconds or SHIPPED_LEAP_SECONDS, np.asarray(moment) if isinstance(moment, np.generic) else moment
+        if isinstance(dates, np.ndarray) and dates.dtype.kind == "M":
+            hi, lo = split(*table.tdb_of_datetimes(dates), default_float())
+            return cls(jnp.asarray(hi), jnp.asarray(lo))
+        found, shape = batch(dates, (datetime.datetime, np.datetime64), "Epoch.from_datetime takes a datetime.datetime or a datetime64")
+        return cls._from_exact([table.tdb_of_datetime(date) for date in found], shape)
 
     @classmethod
     def from_tt_parts(cls, hi: Any, lo: Any = 0.0, *, leap_seconds: LeapSeconds | None = None) -> "Epoch":
         """Return the epoch ``hi + lo`` seconds past J2000 TT (2000-01-01T12:00:00 TT) of arrays [...]; traceable."""
-        table, given = leap_seconds or SHIPPED_LEAP_SECONDS, cls.from_parts(*_whole_parts(hi, lo))
+        table, given = leap_seconds or SHIPPED_LEAP_SECONDS, cls.from_parts(hi, lo)
         return cls(*table.tdb_parts(given.hi, given.lo))
 
     @classmethod
     def from_tai_parts(cls, hi: Any, lo: Any = 0.0, *, leap_seconds: LeapSeconds | None = None) -> "Epoch":
         """Return the epoch ``hi + lo`` seconds past 2000-01-01T12:00:00 TAI of arrays [...]; traceable."""
-        table, given = leap_seconds or SHIPPED_LEAP_SECONDS, cls.from_parts(*_whole_parts(hi, lo))
+        table, given = leap_seconds or SHIPPED_LEAP_SECONDS, cls.from_parts(hi, lo)
         return cls(*table.tdb_parts(*table.tai_parts(given.hi, given.lo, 1)))
 
     @classmethod
     def _read(cls, text: Any, scale: str, seconds_of: Callable[[str], Fraction]) -> "Epoch":
         if isinstance(text, str):
-            return cls._from_exact(seconds_of(text))
-        if not isinstance(text, (list, tuple, np.ndarray)):
-            count = " A count of UTC seconds would skip or repeat leap seconds." if scale == "UTC" else ""
-            raise FrameError(f"{scale} is read from calendar text such as '2026-03-01T00:00:00', found {text!r}.{count}")
-        parts = [cls._read(item, scale, seconds_of) for item in (text.tolist() if isinstance(text, np.ndarray) else text)]
-        return cls(jnp.stack([p.hi for p in parts]), jnp.stack([p.lo for p in parts]))
+            return cls._from_exact([seconds_of(text)])
+        wanted = f"{scale} is read from calendar text such as '2026-03-01T00:00:00'"
+        if scale == "UTC" and isinstance(text, (int, float, np.number, jax.Array)):
+            wanted += " (a count of UTC seconds would skip or repeat leap seconds)"
+        if isinstance(text, (datetime.date, np.datetime64)) or getattr(getattr(text, "dtype", None), "kind", "") == "M":
+            wanted += ", datetimes by Epoch.from_datetime"
+        dates, shape = batch(text, str, wanted)
+        return cls._from_exact([seconds_of(date) for date in dates], shape)
 
     @classmethod
-    def _from_exact(cls, seconds: Fraction) -> "Epoch":
-        hi, lo = _split_exact(seconds, default_float())
-        return cls(jnp.asarray(hi), jnp.asarray(lo))
+    def _from_exact(cls, seconds: Sequence[Fraction], shape: tuple[int, ...] = ()) -> "Epoch":
+        dtype = np.dtype(default_float())
+        pairs = np.array([split_exact(one, dtype) for one in seconds], dtype).reshape(*shape, 2)
+        return cls(jnp.asarray(pairs[..., 0]), jnp.asarray(pairs[..., 1]))
 
     @property
     def et(self) -> jax.Array:
@@ -144,15 +187,24 @@ class Epoch:
     @property
     def shape(self) -> tuple[int, ...]:
         """Batch shape."""
-        return jnp.broadcast_shapes(jnp.shape(self.hi), jnp.shape(self.lo))
+        return np.broadcast_shapes(np.shape(self.hi), np.shape(self.lo))
 
     def __add__(self, seconds: Any) -> "Epoch":
-        """Return the epoch a duration later: seconds [...], a ``Fraction`` or a ``datetime.timedelta``; nothing of it is lost."""
+        """Return the epoch a duration later; nothing of it is lost.
+
+        Args:
+            seconds: Seconds [...], a ``Fraction``, a ``datetime.timedelta`` or NumPy ``timedelta64`` [...].
+
+        Raises:
+            FrameError: It is no duration.
+        """
         if isinstance(seconds, Epoch):
             raise FrameError("two epochs cannot be added; add a duration in seconds, or subtract the epochs")
-        coarse, fine = _two_parts(seconds, self.hi.dtype)
-        hi, error = two_sum(*_same_rank(self.hi, coarse))
-        low, rest = _same_rank(*_same_rank(hi, self.lo)[1:], fine)
+        return self._moved(*two_parts(seconds, self.hi.dtype, DURATION))
+
+    def _moved(self, coarse: jax.Array, fine: jax.Array) -> "Epoch":
+        hi, error = two_sum(*same_rank(self.hi, coarse))
+        low, rest = same_rank(*same_rank(hi, self.lo)[1:], fine)
         return Epoch(*fast_two_sum(hi, error + (low + rest)))
 
     __radd__ = __add__
@@ -160,24 +212,24 @@ class Epoch:
     def __sub__(self, other: Any) -> Any:
         """Return the duration since another epoch in seconds [...], or the epoch a duration earlier."""
         if not isinstance(other, Epoch):
-            return self + (-other)
-        a, b = _same_rank(self.hi, other.hi)
-        c, d = _same_rank(self.lo, other.lo)
+            coarse, fine = two_parts(other, self.hi.dtype, DURATION)
+            return self._moved(-coarse, -fine)
+        a, b = same_rank(self.hi, other.hi)
+        c, d = same_rank(self.lo, other.lo)
         s, e = two_sum(a, -b)
         return s + (e + (c - d))
 
-    def __getitem__(self, index: Any) -> "Epoch":
-        hi, lo = _same_rank(self.hi, self.lo)
-        return Epoch(hi[index], lo[index])
-
-    def replace(self, **changes: Any) -> "Epoch":
-        """Return a copy with the fields given replaced."""
-        return replace(self, **changes)
+    def __hash__(self) -> int:
+        """Return the hash of the instant, if it is one and known: those that are equal have one hash; that of the object else."""
+        try:
+            return hash(self._exact())
+        except (FrameError, TypeError, ValueError):
+            return object.__hash__(self)
 
     @property
     def tt(self) -> tuple[jax.Array, jax.Array]:
         """Seconds past J2000 TT in two parts [...], by the formula of NAIF's leap-seconds kernels; traceable."""
-        return SHIPPED_LEAP_SECONDS.tt_parts(*_same_rank(self.hi, self.lo))
+        return SHIPPED_LEAP_SECONDS.tt_parts(*same_rank(self.hi, self.lo))
 
     @property
     def tai(self) -> tuple[jax.Array, jax.Array]:
@@ -231,39 +283,3 @@ class Epoch:
                 return f"Epoch({self.to_tdb(6)} TDB)"
             return f"Epoch(shape={np.shape(self.hi)})"
         return f"Epoch(hi={self.hi!r}, lo={self.lo!r})"
-
-
-def _split_exact(seconds: Fraction, dtype: Any) -> tuple[Any, Any]:
-    """Return an exact number as two numbers of a dtype."""
-    number = np.dtype(dtype).type
-    hi = number(float(seconds))
-    return hi, number(float(seconds - Fraction(float(hi))))
-
-
-def _whole_parts(hi: Any, lo: Any) -> tuple[jax.Array, jax.Array]:
-    hi = as_float(hi)
-    return hi, jnp.broadcast_to(jnp.asarray(lo, hi.dtype), hi.shape)
-
-
-def _two_parts(seconds: Any, dtype: Any) -> tuple[jax.Array, jax.Array]:
-    """Return a number of seconds in two parts; numbers of the host and integers are split, so that none of their digits is lost."""
-    if isinstance(seconds, datetime.timedelta):
-        seconds = Fraction(seconds.days * 86400 + seconds.seconds) + Fraction(seconds.microseconds, 10**6)
-    if isinstance(seconds, Fraction):
-        hi, lo = _split_exact(seconds, dtype or default_float())
-        return jnp.asarray(hi), jnp.asarray(lo)
-    if isinstance(seconds, jax.Array) and jnp.issubdtype(seconds.dtype, jnp.integer):
-        coarse = (seconds >> 12) << 12
-        parts = coarse, seconds - coarse
-        return tuple(part.astype(dtype or default_float()) for part in parts)  # pyright: ignore[reportReturnType]
-    if isinstance(seconds, jax.Array) and not (seconds.weak_type and is_concrete(seconds)):
-        hi = as_float(seconds) if dtype is None else as_float(seconds).astype(dtype)
-        return hi, jnp.zeros_like(hi)
-    exact, kind = np.asarray(seconds, np.float64), np.dtype(dtype or default_float())
-    hi = exact.astype(kind)
-    return jnp.asarray(hi), jnp.asarray((exact - hi.astype(np.float64)).astype(kind))
-
-
-def _same_rank(a: jax.Array, b: jax.Array) -> tuple[jax.Array, jax.Array]:
-    shape = jnp.broadcast_shapes(a.shape, b.shape)
-    return jnp.broadcast_to(a, shape), jnp.broadcast_to(b, shape)

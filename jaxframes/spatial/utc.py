@@ -7,10 +7,11 @@ from fractions import Fraction
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 
 from jaxframes.errors import FrameError
 from jaxframes.numerics.eft import fast_two_sum, two_sum
-from jaxframes.spatial import calendar
+from jaxframes.spatial import calendar, parts
 from jaxframes.spatial.calendar import DAY, NOON
 
 LEAP_SECONDS_AS_OF = "2026-11 (no leap second announced after 2017-01-01; IERS Bulletin C, NAIF naif0012.tls)"
@@ -49,7 +50,7 @@ class LeapSeconds:
 
     def tdb_minus_tt(self, tt: Any) -> Any:
         """Return TDB - TT in seconds at seconds past J2000 TT: K sin E, E = M + EB sin M (30 microseconds from the full theory)."""
-        sin = math.sin if isinstance(tt, float) else jnp.sin
+        sin = math.sin if isinstance(tt, float) else np.sin if isinstance(tt, np.ndarray) else jnp.sin
         anomaly = self.m0 + self.m1 * tt
         return self.k * sin(anomaly + self.eb * sin(anomaly))
 
@@ -77,7 +78,8 @@ class LeapSeconds:
 
     def tai_parts(self, hi: Any, lo: Any, sign: int) -> tuple[Any, Any]:
         """Return TAI (sign -1) of TT, or TT (+1) of TAI, in two parts each; traceable."""
-        return _sum(hi, lo, sign * float(self.tt_minus_tai))
+        offset, rest = parts.split_exact(sign * self.tt_minus_tai, hi.dtype)
+        return _sum(*_sum(hi, lo, offset), rest)
 
     def tdb_of_utc(self, text: str) -> Fraction:
         """Return the exact seconds past J2000 TDB of calendar text in UTC, leap seconds included.
@@ -85,16 +87,48 @@ class LeapSeconds:
         Raises:
             FrameError: The text is no UTC date, or lies before the first entry of the table.
         """
-        parts = calendar.read(text, "UTC")
-        if parts.day < self.starts[0][0]:
-            first = calendar.date_text(self.starts[0][0])
-            raise FrameError(f"{text!r} lies before {first}, when UTC had no whole leap seconds; use Epoch.from_tdb")
-        leap_day = any(parts.day + 1 == start for start, _ in self.starts[1:])
-        if parts.second > 59 and not (leap_day and (parts.hour, parts.minute) == (23, 59)):
-            clock = f"{parts.hour:02d}:{parts.minute:02d}:{parts.second:02d}"
+        date = calendar.read(text, "UTC")
+        if date.day < self.starts[0][0]:
+            raise FrameError(f"{text!r} lies before {self._first()}, when UTC had no whole leap seconds; use Epoch.from_tdb")
+        leap_day = any(date.day + 1 == start for start, _ in self.starts[1:])
+        if date.second > 59 and not (leap_day and (date.hour, date.minute) == (23, 59)):
+            clock = f"{date.hour:02d}:{date.minute:02d}:{date.second:02d}"
             raise FrameError(f"{text!r} is no UTC date: {clock} does not exist on that day")
-        offset = next(offset for start, offset in reversed(self.starts) if parts.day >= start)
-        return self.tdb_of_tt(parts.day * DAY + parts.of_day - NOON + offset + self.tt_minus_tai)
+        offset = next(offset for start, offset in reversed(self.starts) if date.day >= start)
+        return self.tdb_of_tt(date.day * DAY + date.of_day - NOON + offset + self.tt_minus_tai)
+
+    def tdb_of_datetime(self, date: Any) -> Fraction:
+        """Return the exact seconds past J2000 TDB of a ``datetime``, taken to be UTC where it is naive, or a ``datetime64``, which is UTC.
+
+        Raises:
+            FrameError: It lies before the first entry of the table, or is no time.
+        """
+        if isinstance(date, np.datetime64):
+            hi, lo = self.tdb_of_datetimes(np.asarray(date))
+            return Fraction(float(hi)) + Fraction(float(lo))
+        utc = date if date.tzinfo is None else date.astimezone(datetime.UTC).replace(tzinfo=None)
+        return self.tdb_of_utc(utc.isoformat())
+
+    def tdb_of_datetimes(self, dates: np.ndarray) -> parts.Pair:
+        """Return seconds past J2000 TDB, two float64 parts [...], of NumPy datetimes [...] (UTC) (FrameError)."""
+        if np.isnat(dates).any():
+            raise FrameError("a datetime64 is NaT (not a time)")
+        unit = np.datetime_data(dates.dtype)[0]
+        fine = unit if unit in ("ms", "us", "ns", "ps", "fs", "as") else "s"
+        a_second = parts.UNITS[fine].denominator
+        seconds, rest = np.divmod(dates.astype(f"M8[{fine}]").astype(np.int64), a_second)
+        day = seconds // DAY - (calendar.J2000 - datetime.date(1970, 1, 1)).days
+        which = np.searchsorted([start for start, _ in self.starts], day, "right") - 1
+        early = np.broadcast_to(dates, day.shape)[which < 0]
+        if early.size:
+            raise FrameError(f"{early.flat[0]} lies before {self._first()}, when UTC had no whole leap seconds; use Epoch.from_tdb")
+        offset = np.array([offset for _, offset in self.starts])[which]
+        tt = parts.add(parts.host_pair(day * DAY + seconds % DAY - NOON + offset, ""), parts.quotient(rest, a_second))
+        tt = parts.add(tt, parts.host_pair(self.tt_minus_tai, ""))
+        return parts.add(tt, (self.tdb_minus_tt(tt[0]), np.zeros(day.shape)))
+
+    def _first(self) -> str | None:
+        return calendar.date_text(self.starts[0][0])
 
     def utc_of_tdb(self, tdb: Fraction, digits: int) -> tuple[int, int]:
         """Return the UTC day past 2000-01-01 and the time of day in parts of 10**digits to the second, rounded.
@@ -104,15 +138,15 @@ class LeapSeconds:
         Raises:
             FrameError: The instant lies before the first entry of the table.
         """
-        ticks, unit = round((self.tt_of_tdb(tdb) - self.tt_minus_tai) * 10**digits), 10**digits
+        unit = 10 ** calendar.checked_digits(digits)
+        ticks = round((self.tt_of_tdb(tdb) - self.tt_minus_tai) * unit)
         for i in range(len(self.starts) - 1, -1, -1):
             start, offset = self.starts[i]
             if ticks >= (start * DAY - NOON + offset) * unit:
                 day, rest = divmod(ticks - (offset - NOON) * unit, DAY * unit)
                 # The leap second before the next entry still belongs to the day before it.
                 return (day - 1, rest + DAY * unit) if i + 1 < len(self.starts) and day >= self.starts[i + 1][0] else (day, rest)
-        first = calendar.date_text(self.starts[0][0])
-        raise FrameError(f"an epoch before {first} has no UTC with whole leap seconds; write it in TDB, TT or TAI")
+        raise FrameError(f"an epoch before {self._first()} has no UTC with whole leap seconds; write it in TDB, TT or TAI")
 
 
 SHIPPED_LEAP_SECONDS = LeapSeconds(

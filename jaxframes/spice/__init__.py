@@ -8,16 +8,18 @@ from jaxframes.spice.compare import compare
 from jaxframes.spice.contents import contents
 from jaxframes.spice.edit import crop, merge
 from jaxframes.spice.find import find_kernels
+from jaxframes.spice.fixed import FixedFrame
 from jaxframes.spice.iau import IauOrientation
 from jaxframes.spice.kernels import Kernels
-from jaxframes.spice.search import Tolerance
 from jaxframes.spice.shipped import example_tables
 from jaxframes.spice.store import load, save
 from jaxframes.spice.tables import OrientationTable, TranslationTable
+from jaxframes.spice.tolerance import Tolerance
 
 __all__ = [
     "AttitudeTable",
     "CayleyTable",
+    "FixedFrame",
     "IauOrientation",
     "Kernels",
     "OrientationTable",

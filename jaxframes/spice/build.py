@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxframes.errors import BadKernelError
 from jaxframes.spice import doubles
-from jaxframes.spice.segments import Records
+from jaxframes.spice.segments import HANDOVER, Records
 from jaxframes.spice.times import two_parts
 
 METRES = 1000.0
@@ -104,6 +104,12 @@ def index(starts: Starts, stop: Fraction) -> tuple[dict[str, np.ndarray], int]:
     count, origin = len(high), Fraction(high[0]) + Fraction(low[0])
     half = count // 2
     step, middle = (stop - origin) / count, (Fraction(high[half]) + Fraction(low[half]) - origin) / max(half, 1)
+    if count > 1:
+        gaps, rests = doubles.add((high[1:], low[1:]), (-high[:-1], -low[:-1]))
+        usual = np.argsort(gaps)[(count - 1) // 2]
+        odd = np.abs((gaps - gaps[usual]) + (rests - rests[usual]))
+        if ((odd > HANDOVER / 2) & (odd < HANDOVER * 2)).any():
+            return irregular((high, low), stop)  # some record keeps its last instant: not even
     for length in (step, middle):  # the last record may be cut short
         width = [np.full(count, part) for part in two_parts(length)]
         line = doubles.multiply((np.arange(float(count)), np.zeros(count)), (width[0], width[1]))
@@ -127,12 +133,14 @@ def irregular(starts: Starts, stop: Fraction) -> tuple[dict[str, np.ndarray], in
         raise BadKernelError("records of the kernels loaded are not in time order")
     span, count = stop - origin, len(high)
     # A cell no wider than the shortest record needs one comparison; a sliver of a record gets more comparisons, not millions of cells.
-    cells = min(-(-span // Fraction(lengths.min())), MOST_CELLS * count + 64)
+    cells = cells_of(count, span, Fraction(lengths.min()))
     width = float(span / cells)
-    edges = doubles.add((high, low), (np.full(count, -high[0]), np.full(count, -low[0])))[0]
+    edges, rest = doubles.add((high, low), (np.full(count, -high[0]), np.full(count, -low[0])))
+    # Rounded up where it matters: the cell that starts an instant before a record does still belongs to the one before.
+    above = np.where(rest > 0, np.nextafter(edges, np.inf), edges)
     corners = np.arange(cells) * width
     slack = 1e-9 * width
-    first = np.searchsorted(edges, corners, side="right") - 1
+    first = np.searchsorted(above, corners, side="right") - 1
     final = np.searchsorted(edges, corners + width + slack, side="right") - 1
     ends = np.stack([np.append(high[1:], np.inf), np.append(low[1:], 0.0)], 1)
     grid = np.array([*two_parts(origin), width])
@@ -146,11 +154,16 @@ def _pair(starts: Starts) -> doubles.Pair:
     return high, low
 
 
+def cells_of(count: int, span: Fraction, shortest: Fraction) -> int:
+    """Return how many cells find one of so many records of unequal length, the shortest so long, over a span."""
+    return int(min(-(-span // shortest), MOST_CELLS * count + 64))
+
+
 def _is_uniform(parts: Sequence[Records]) -> bool:
     """Whether the records of all parts lie on the grid of the first: to 1e-10 of a record, where its series are as good as inside."""
     length, origin = parts[0].step, parts[0].origin
     count = 0
-    if any(part.inner is not None for part in parts):
+    if any(part.inner is not None or part.late for part in parts):
         return False
     for part in parts:
         drift = part.origin - (origin + count * length)

@@ -2,7 +2,7 @@
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -52,6 +52,7 @@ class Intervals:
         w0: Angular velocity at the start, in o axes [n, 3].
         w1: Angular velocity at the end [n, 3].
         even: Whether the turn is at an even rate by definition [n]: type 2, all of whose attitudes the kernel gives.
+        rank: Place of the segment in order of loading [n]: of two intervals that meet, the higher serves the instant at which they do.
     """
 
     start: np.ndarray
@@ -61,6 +62,7 @@ class Intervals:
     w0: np.ndarray
     w1: np.ndarray
     even: np.ndarray
+    rank: np.ndarray
 
     def take(self, which: np.ndarray) -> Self:
         """Return some of the intervals."""
@@ -73,7 +75,8 @@ class Intervals:
         u0, u1 = ((a - self.start) / width)[:, None], ((b - self.start) / width)[:, None]
         q = quat.multiply(quat.turned(self.turn * u0), self.q)
         slope = self.w1 - self.w0
-        return type(self)(a, b, q, self.turn * (u1 - u0), self.w0 + slope * u0, self.w0 + slope * u1, self.even)
+        w0, w1 = self.w0 + slope * u0, self.w0 + slope * u1
+        return type(self)(a, b, q, self.turn * (u1 - u0), w0, w1, self.even, self.rank)
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
@@ -146,7 +149,8 @@ def read_intervals(kernels: "Kernels", segment: CkSegment, seconds_a_tick: float
         w0, w1 = packets[:-1, 4:], packets[1:, 4:]
     else:
         w0, w1 = _estimated(turn, np.diff(ticks) * seconds_a_tick, joined)
-    return Intervals(ticks[:-1], ticks[1:], q[:-1], turn, w0, w1, np.zeros(len(turn), bool)).take(np.flatnonzero(joined))
+    even, rank = np.zeros(n - 1, bool), np.zeros(n - 1)
+    return Intervals(ticks[:-1], ticks[1:], q[:-1], turn, w0, w1, even, rank).take(np.flatnonzero(joined))
 
 
 def _spins(segment: CkSegment, words: np.ndarray) -> Intervals:
@@ -159,7 +163,7 @@ def _spins(segment: CkSegment, words: np.ndarray) -> Intervals:
     if not (stop > start).all() or not (start[1:] >= stop[:-1]).all():
         raise _damaged(segment, "its intervals are not in order")
     turn = rate * ((stop - start) * packets[:, 7])[:, None]
-    return Intervals(start, stop, _poses(segment, packets[:, :4]), turn, rate, rate, np.ones(n, bool))
+    return Intervals(start, stop, _poses(segment, packets[:, :4]), turn, rate, rate, np.ones(n, bool), np.zeros(n))
 
 
 def _poses(segment: CkSegment, spice: np.ndarray) -> np.ndarray:
@@ -196,7 +200,7 @@ def layered(runs: Sequence[tuple[CkSegment, Intervals]], low: float, high: float
     free = [(low, high)]
     parts: list[Intervals] = []
     used: list[CkSegment] = []
-    for segment, intervals in reversed(runs):
+    for rank, (segment, intervals) in reversed(list(enumerate(runs))):
         # Few of the spans that are still free touch a segment: there may be thousands of both.
         i = bisect_right(free, segment.begin, key=lambda span: span[1])
         j = bisect_left(free, segment.end, lo=i, key=lambda span: span[0])
@@ -209,6 +213,7 @@ def layered(runs: Sequence[tuple[CkSegment, Intervals]], low: float, high: float
                 left.append((a, b))
                 continue
             chosen = intervals.take(np.arange(first, last))
+            chosen = replace(chosen, rank=np.full(last - first, float(rank)))
             if chosen.start[0] < a1 or chosen.stop[-1] > b1:
                 chosen = chosen.cut(np.full(last - first, a1), np.full(last - first, b1))
             parts.append(chosen)

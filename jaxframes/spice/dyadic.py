@@ -1,69 +1,107 @@
 """Records halved where the motion asks for it: the search for the smallest such table within a tolerance."""
 
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
 
-from jaxframes.errors import ToleranceError
-from jaxframes.spice.search import DEGREES, MARGINS, MOST_RECORDS, Choice, Model, Part, _errors, _text, record_bytes, resolved, verified
+from jaxframes.spice.records import (
+    DEGREES,
+    MOST_RECORDS,
+    Choice,
+    Model,
+    Part,
+    Span,
+    errors_of,
+    longest_length,
+    record_bytes,
+    table_bytes,
+    uniform_spans,
+    verified,
+)
+from jaxframes.spice.search import MARGIN, probe
+from jaxframes.spice.tolerance import Goal
 
 CHECKS = 12
 FINEST = 2.0**-40  # of the longest part: a record that short follows nothing but jumps
-RETRIES = 3
+ROUNDS = 5  # of the final check, between which records are halved
 
 
-def dyadic(model: Model, parts: Sequence[Part], unit: Fraction, bounds: tuple[float, float], aim: str) -> Choice:
+def dyadic(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal) -> Choice:
     """Return the records to use, as ``search.search`` does.
 
-    Every degree is followed down at once: records that are good enough for a degree are its leaves, the others are halved.
+    Every degree is followed down at once: records that are good enough for a degree are its leaves, the others are halved. Whether
+    that can end well is asked of a few records of each length first: where none of these is good enough, however short, no halving
+    helps, and following every record down to there takes minutes.
+
+    Raises:
+        ToleranceError: If no records are good enough, or those that are need more bytes than allowed.
     """
-    goal, floor = np.array(bounds) * MARGINS[0], (np.inf, np.inf)
-    for _ in range(RETRIES):
-        degree, leaves = _leaves(model, parts, unit, goal, aim, bounds)
-        found = verified(model, leaves, None, degree)
-        if found.worst[0] <= bounds[0] and found.worst[1] <= bounds[1]:
-            return found
-        goal = goal * 0.5
-        floor = found.worst
-    raise ToleranceError(f"{aim}: no table meets {_text(bounds)}; the best reached is {floor[0]:.2g} and {floor[1]:.2g}. Ask for less.")
+    probed = probe(model, parts, unit, goal)
+    limits = np.array(goal.bounds) * MARGIN
+    met = [error for entry in probed.levels for error in entry.errors.T]
+    if not probed.stalled or any((entry.errors <= limits[:, None]).all(0).any() for entry in probed.levels):
+        degree, leaves, stayed = _leaves(model, parts, unit, limits, goal.most)
+        met = [error for error in [*met, *stayed] if not goal.meets(error)]  # what a few epochs promised was not kept
+        for _ in range(ROUNDS if degree is not None else 0):
+            assert degree is not None
+            found = verified(model, leaves, None, degree)
+            if goal.meets(found.worst):
+                needed = table_bytes(found, model.extras)
+                if goal.size is not None and needed > goal.size:
+                    raise goal.too_small(needed)
+                return found
+            met.append(np.array(found.worst))
+            leaves = _mended(found, goal, parts, unit)
+    raise goal.unmet(met)
+
+
+def _mended(found: Choice, goal: Goal, parts: Sequence[Part], unit: Fraction) -> list[Span]:
+    """Return records with those halved that the final check found wanting."""
+    out = []
+    for span, errors in zip(found.spans, found.each.T, strict=True):
+        pieces = [span]
+        cell = unit * Fraction(2) ** math.ceil(math.log2((span[1] - span[0]) / unit))
+        for _ in range(0 if goal.meets(errors) else 3):  # a record cut short by an end is less than half a cell
+            cell /= 2
+            pieces = halved(span, cell, parts) if len(pieces) == 1 else pieces
+        out += pieces
+    return out
 
 
 def _leaves(
-    model: Model, parts: Sequence[Part], unit: Fraction, goal: np.ndarray, aim: str, bounds: tuple[float, float]
-) -> tuple[int, list[tuple[Fraction, Fraction]]]:
-    longest = max(part.stop - part.start for part in parts)
-    length = unit * Fraction(2) ** int(np.ceil(np.log2(float(longest / unit))))
-    nodes = []
-    for part in parts:
-        first, last = part.cells(length)
-        nodes += [part.span(first, last, cell, length) for cell in range(first, last)]
+    model: Model, parts: Sequence[Part], unit: Fraction, limits: np.ndarray, most: float
+) -> tuple[int | None, list[Span], list[np.ndarray]]:
+    """Return the degree of the smallest table and its records; no degree if there is none; and worst errors that stayed too large."""
+    length = unit * Fraction(2) ** longest_length(parts, unit)
+    shortest = max(part.stop - part.start for part in parts) * Fraction(FINEST)
+    nodes, _ = uniform_spans(parts, length)
     rng = np.random.default_rng(0)
     alive = np.ones(len(DEGREES), bool)
     open_ = np.ones((len(DEGREES), len(nodes)), bool)
-    leaves: list[list[tuple[Fraction, Fraction]]] = [[] for _ in DEGREES]
-    floor = np.full(2, np.inf)
+    leaves: list[list[Span]] = [[] for _ in DEGREES]
+    stayed: list[np.ndarray] = []
     history: list[np.ndarray] = []
     while open_.any():
         a, b = np.array([[float(x) for x in node] for node in nodes]).T
-        errors = _errors(model, a, b, CHECKS, rng)
-        good = np.logical_and(*(errors <= goal[:, None, None]))
+        errors = errors_of(model, a, b, CHECKS, rng)
+        good = np.logical_and(*(errors <= limits[:, None, None]))
         for d in range(len(DEGREES)):
             leaves[d] += [nodes[i] for i in np.flatnonzero(open_[d] & good[d])]
         open_ = np.logical_and(open_, ~good)
         worst = np.array([[errors[k, d, np.flatnonzero(open_[d])].max(initial=0.0) for d in range(len(DEGREES))] for k in (0, 1)])
         done = [len(leaves[d]) * record_bytes(DEGREES[d], model.extras) for d in range(len(DEGREES)) if alive[d] and not open_[d].any()]
-        best = min(done, default=np.inf)
+        best = min(done, default=most)
         for d in range(len(DEGREES)):
             if open_[d].any():
-                floor = np.minimum(floor, np.where(worst[:, d] > 0, worst[:, d], np.inf))
+                stayed.append(worst[:, d])
                 pending = len(leaves[d]) + 2 * int(open_[d].sum())
                 stalled = len(history) > 3 and bool(
                     (worst[:, d] > 0.7 * history[-3][:, d]).any()
                     and worst[0, d] < 1e-4 * model.scale
-                    and (worst[:, d] > goal).any()
-                    and all((worst[k, d] > 0.7 * history[-3][k, d]) or worst[k, d] <= goal[k] for k in (0, 1))
-                    and not resolved(model, parts, length, goal)
+                    and (worst[:, d] > limits).any()
+                    and all((worst[k, d] > 0.7 * history[-3][k, d]) or worst[k, d] <= limits[k] for k in (0, 1))
                 )
                 if pending * record_bytes(DEGREES[d], model.extras) >= best or pending > MOST_RECORDS or stalled:
                     alive[d], open_[d] = False, False
@@ -72,26 +110,23 @@ def _leaves(
         keep = open_.any(0)
         if not keep.any():
             break
-        if length < longest * Fraction(FINEST):
+        if length < shortest:
             alive &= ~open_.any(1)
             break
         halves, mask = [], []
         for i in np.flatnonzero(keep):
-            for piece in _halves(nodes[i], length, parts):
+            for piece in halved(nodes[i], length, parts):
                 halves.append(piece)
                 mask.append(open_[:, i])
         nodes, open_ = halves, np.array(mask).T
     sizes = [(len(leaves[d]) * record_bytes(DEGREES[d], model.extras), d) for d in range(len(DEGREES)) if alive[d]]
     if not sizes:
-        raise ToleranceError(
-            f"{aim}: no table meets {_text(bounds)}. The best reached is {floor[0]:.2g} and {floor[1]:.2g}: what CSPICE computes is not "
-            "smoother than that (its own rounding, the kernel's jumps between records). Ask for less."
-        )
+        return None, [], stayed
     _, d = min(sizes)
-    return DEGREES[d], sorted(leaves[d])
+    return DEGREES[d], sorted(leaves[d]), stayed
 
 
-def _halves(node: tuple[Fraction, Fraction], length: Fraction, parts: Sequence[Part]) -> list[tuple[Fraction, Fraction]]:
+def halved(node: Span, length: Fraction, parts: Sequence[Part]) -> list[Span]:
     """Return the parts of a record on the grid of half its cell's length; a record cut short by an end may stay whole."""
     a, b = node
     part = next(p for p in parts if p.start <= a and b <= p.stop)

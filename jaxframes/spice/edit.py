@@ -10,10 +10,9 @@ import numpy as np
 
 from jaxframes.errors import CoverageError, TableError
 from jaxframes.spice import build, doubles
-from jaxframes.spice.iau import IauOrientation
 from jaxframes.spice.info import Info, decimal
 from jaxframes.spice.legs import Leg, from_leg, to_leg
-from jaxframes.spice.store import KINDS, has_low
+from jaxframes.spice.store import KINDS, MODELS, has_low
 from jaxframes.spice.tables import Table
 from jaxframes.spice.times import Instant, exact_seconds, span_text, split, two_parts
 
@@ -36,7 +35,7 @@ def crop(table: T, start: Instant | None = None, stop: Instant | None = None) ->
     """
     if not isinstance(table, Table):
         raise TableError(
-            f"{table!r} has no span to be cropped: it holds at every instant." if isinstance(table, IauOrientation) else NOT.format(table)
+            f"{table!r} has no span to be cropped: it holds at every instant." if isinstance(table, MODELS) else NOT.format(table)
         )
     info = table.info
     have = Fraction(info.start), Fraction(info.stop)
@@ -80,7 +79,7 @@ def merge(*tables: Any) -> Any:
     if all(isinstance(t, Mapping) for t in tables):
         names = dict.fromkeys(name for bundle in tables for name in bundle)
         return {name: merge(*(bundle[name] for bundle in tables if name in bundle)) for name in names}
-    if all(isinstance(t, IauOrientation) and t.info == tables[0].info for t in tables):
+    if all(isinstance(t, MODELS) and t.info == tables[0].info for t in tables):
         return tables[0]  # a model holds at every instant: nothing to put together
     if not all(isinstance(t, Table) for t in tables):
         raise TableError(f"merge takes tables of one kind or bundles of them, not {', '.join(type(t).__name__ for t in tables)}.")
@@ -96,13 +95,14 @@ def merge(*tables: Any) -> Any:
     reference = Fraction(info.reference)
     legs, keep = [], []
     for k, leg in enumerate(first.legs):
-        arrays, keep, starts = [], [], []
+        arrays, keep, starts, last = [], [], [], None
         for part, begin in zip(parts, begins, strict=True):
             own = from_leg(part.legs[k])
             shift = Fraction(part.info.reference) - reference
             edges = [s + shift for s in starts_of(own)]
             rows = _shifted(own["rows"], shift, part.legs[k].series, max(p.legs[k].rows.shape[1] for p in parts))
-            same = bool(arrays) and np.array_equal(rows[0], arrays[-1][-1], equal_nan=True)  # one record cut in two
+            same = last is not None and np.array_equal(rows[0], last, equal_nan=True)  # one record cut in two
+            last = rows[-1]
             if not same:
                 edge = edges[0]
                 starts.append(edge if not arrays or abs(edge - (begin - reference)) <= CLOSE else begin - reference)

@@ -7,23 +7,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jaxframes.errors import CoverageError, FrameError, NoPathError, suggest
+from jaxframes.errors import BadKernelError, CoverageError, FrameError, NoPathError, suggest
 from jaxframes.spice import build
 from jaxframes.spice.extract import POLYNOMIAL
+from jaxframes.spice.nodes import node_grid
 from jaxframes.spice.paths import Walk, translation_legs
 from jaxframes.spice.process import CspiceError
+from jaxframes.spice.records import Choice, Part, table_bytes
 from jaxframes.spice.report import record_jumps
-from jaxframes.spice.search import DEGREES, Choice, Part, Tolerance, record_bytes, search
-from jaxframes.spice.segments import Piece, Segment
+from jaxframes.spice.segments import HANDOVER, Piece, Segment, late_instants
+from jaxframes.spice.state_choice import chosen
+from jaxframes.spice.state_model import StateModel
 from jaxframes.spice.tables import TranslationTable
 from jaxframes.spice.times import reference_day, span_text, two_parts
+from jaxframes.spice.tolerance import Goal, Tolerance
 
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
 
 CORRECTIONS = ("NONE", "CN", "CN+S", "XCN", "XCN+S", "LT", "LT+S", "XLT", "XLT+S")
-NODES = 18  # of a record; the velocity series has as many terms before it is cut
 SLOPES = 400  # epochs at which accelerations are compared
+NODES = (8, 9, 12, 13, 18)  # types of segments that interpolate between nodes
 MOST_JUMPS = 200_000  # records of the kernel whose jumps are looked at
 
 
@@ -37,96 +41,6 @@ def correction_named(name: str) -> str:
     if found not in CORRECTIONS:
         raise NoPathError(f"correction={name!r} is none of SPICE's.{suggest(found, CORRECTIONS)}")
     return found
-
-
-class StateModel:
-    """Positions and velocities of a body, in m and m/s.
-
-    Velocities are interpolated and integrated, the constant is the mean residual of the positions: accelerations come out better than
-    from interpolated positions. With ``positions`` the positions are interpolated, for corrections whose velocities in SPICE are not
-    the derivatives of the positions ('LT'). SPICE takes an epoch as one double: the epochs sampled are doubles, and each record is
-    interpolated at them and not at the ideal nodes, so that the rounding of epochs (6e-8 s, 6e-5 m for the Moon) is nowhere in the fit.
-    """
-
-    kind = "translation"
-    extras = 0
-
-    def __init__(self, kernels: "Kernels", of: int, relative: int, axes: str, correction: str):
-        self.arguments = (of, relative, axes)
-        self.kernels, self.correction = kernels, correction
-        self.positions = "LT" in correction
-        self.scale = 0.0
-
-    def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return positions and velocities [m, 3] at epochs [m]."""
-        doing = "computing states for a fit"
-        states = self.kernels._process.call("states", *self.arguments, times, self.correction, doing=doing) * build.METRES
-        self.scale = max(self.scale, float(np.abs(states[:, :3]).max()))
-        return states[:, :3], states[:, 3:]
-
-    def fit(self, a: np.ndarray, b: np.ndarray) -> dict[str, np.ndarray]:
-        """Return records between a and b: middles, radii, coefficients [n, NODES, 3], and the constants [n, degrees, 3]."""
-        middle, radius, times = spread(a, b, NODES)
-        position, velocity = (x.reshape(*times.shape, 3) for x in self.sample(times.reshape(-1)))
-        s = (times - middle[:, None]) / radius[:, None]
-        basis = np.moveaxis(np.polynomial.chebyshev.chebvander(s, NODES - 1), -1, 2)
-        coefficients = np.linalg.solve(basis, position if self.positions else velocity)
-        if self.positions:
-            return {"middle": middle, "radius": radius, "c": coefficients}
-        parts = np.cumsum(integrals(s)[..., None] * coefficients[:, None], 2) * radius[:, None, None, None]
-        used = parts[:, :, np.array(DEGREES) - 1]
-        constant = (position[:, :, None] - used).mean(1)
-        return {"middle": middle, "radius": radius, "c": coefficients, "constant": constant}
-
-    def errors(self, fitted: Any, which: np.ndarray, times: np.ndarray, values: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return errors of position and velocity [2, degrees, m]."""
-        radius = fitted["radius"][which]
-        s = (times - fitted["middle"][which]) / radius
-        c = fitted["c"][which]
-        t = np.polynomial.chebyshev.chebvander(s, NODES - 1)
-        chosen = np.array(DEGREES)
-        if self.positions:
-            position = np.cumsum(t[..., None] * c, 1)[:, chosen]
-            rate = np.cumsum(slopes(s, NODES)[..., None] * c, 1)[:, chosen] / radius[:, None, None]
-        else:
-            position = np.cumsum(integrals(s)[..., None] * c, 1)[:, chosen - 1] * radius[:, None, None] + fitted["constant"][which]
-            rate = np.cumsum(t[..., None] * c, 1)[:, chosen - 1]
-        found = [np.linalg.norm(x - y[:, None], axis=2) for x, y in ((position, values), (rate, rates))]
-        return np.stack(found).transpose(0, 2, 1)
-
-    def coefficients(self, fitted: Any, degree: int) -> np.ndarray:
-        """Return the position series [n, degree + 1, 3] of a degree."""
-        if self.positions:
-            return fitted["c"][:, : degree + 1]
-        whole = np.polynomial.chebyshev.chebint(fitted["c"][:, :degree], axis=1, lbnd=0) * fitted["radius"][:, None, None]
-        whole[:, 0] += fitted["constant"][:, DEGREES.index(degree)]
-        return whole
-
-
-def spread(a: np.ndarray, b: np.ndarray, nodes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return middles and radii [n] of records and epochs [n, nodes], doubles near the zeros of a Chebyshev polynomial."""
-    middle = a + (b - a) / 2
-    radius = np.maximum(b - middle, middle - a)
-    s = -np.cos(np.pi * (np.arange(nodes) + 0.5) / nodes)
-    if nodes % 2:
-        s[nodes // 2] = 0.0
-    return middle, radius, np.clip(middle[:, None] + radius[:, None] * s, a[:, None], b[:, None])
-
-
-def integrals(s: np.ndarray) -> np.ndarray:
-    """Return the integrals from 0 to s of T_0 .. T_{NODES-1}, [..., NODES]."""
-    t = np.polynomial.chebyshev.chebvander(s, NODES)
-    zero = np.polynomial.chebyshev.chebvander(np.zeros(1), NODES)[0]
-    k = np.arange(2, NODES)
-    out = np.empty((*s.shape, NODES))
-    out[..., 0], out[..., 1] = s, s * s / 2
-    out[..., 2:] = (t[..., k + 1] - zero[k + 1]) / (2 * (k + 1)) - (t[..., k - 1] - zero[k - 1]) / (2 * (k - 1))
-    return out
-
-
-def slopes(s: np.ndarray, count: int) -> np.ndarray:
-    """Return the derivatives of T_0 .. T_{count-1} at s, [..., count]."""
-    return np.stack([np.polynomial.chebyshev.chebval(s, np.polynomial.chebyshev.chebder(row)) for row in np.eye(count)], -1)
 
 
 def translation(
@@ -152,10 +66,10 @@ def translation(
         raise NoPathError(f"correction={correction!r} needs a fit: give tolerance=jf.spice.Tolerance(position=...) or size=.")
     segments = involved(kernels, of, relative, bounds, correction)
     parts, unit = native_grid(kernels, of, relative, bounds, segments, correction)
-    model = StateModel(kernels, of, relative, axes, correction)
     aim = f"{names[0]} relative to {names[2]} over {span_text(*bounds)}"
+    goal = Goal("translation", limits, size, layout, aim)
     try:
-        found = search(model, parts, unit, limits, size, layout, aim)
+        model, found, notes = chosen(lambda positions: StateModel(kernels, of, relative, axes, correction, positions), parts, unit, goal)
     except CspiceError as error:
         if error.short == "SPICE(SPKINSUFFDATA)":
             translation_legs(of, relative, kernels._segments, *bounds, kernels._name)  # says more, if the chain itself has a gap
@@ -171,23 +85,22 @@ def translation(
         "method": f"{layout} fit of CSPICE's {how}" + (f", {correction}" if correction != "NONE" else ""),
         "correction": correction,
         "measured": tuple(measured.items()),
-        "notes": (wanted(limits, size, found, model.extras),),
+        "notes": (made(goal, found, model.extras), *notes),
     }
-    leg = host_leg(found, model.coefficients(found.fitted, found.degree), reference_day(bounds[0]))
+    late = late_instants(segments, *bounds)
+    leg = host_leg(found, model.coefficients(found.fitted, found.degree), reference_day(bounds[0]), late)
     pieces = [Piece(s, max(Fraction(s.begin), bounds[0]), min(Fraction(s.end), bounds[1])) for s in segments]
     return kernels._table(TranslationTable, "translation", names, bounds, [leg], pieces, facts)
 
 
-def wanted(limits: tuple[float, float], size: int | None, found: Choice, extras: int) -> str:
-    """Return the line of the report that says what was asked for."""
-    asked = [f"{name} within {limit:.3g}" for name, limit in zip(("value", "rate"), limits, strict=True) if np.isfinite(limit)]
-    asked += [f"at most {size} bytes" if size is not None else ""]
-    made = f"{len(found.spans)} records of degree {found.degree}, {len(found.spans) * record_bytes(found.degree, extras)} bytes in float64"
-    return f"asked for {', '.join(a for a in asked if a)}; {made}, checked at independent epochs"
+def made(goal: Goal, found: Choice, extras: int) -> str:
+    """Return the line of the report that says what was asked for and what came of it."""
+    records = f"{len(found.spans)} records of degree {found.degree}, {table_bytes(found, extras)} bytes in float64"
+    return f"asked for {goal.asked()}; {records}, checked at independent epochs"
 
 
-def host_leg(found: Choice, coefficients: np.ndarray, reference: int) -> build.HostLeg:
-    """Return the leg of chosen records; a uniform grid where there is one."""
+def host_leg(found: Choice, coefficients: np.ndarray, reference: int, late: set[Fraction]) -> build.HostLeg:
+    """Return the leg of chosen records; a uniform grid where there is one. Records that start at late instants serve from after these."""
     n = len(found.spans)
     hi = found.fitted["middle"] - reference
     back = hi - found.fitted["middle"]
@@ -196,8 +109,13 @@ def host_leg(found: Choice, coefficients: np.ndarray, reference: int) -> build.H
     if found.grid is not None:
         origin, step = found.grid
         return build.HostLeg({"rows": rows, "grid": np.array([*two_parts(origin - reference), float(step)])}, 3, 0)
-    index, compares = build.index([a - reference for a, _ in found.spans], found.spans[-1][1] - reference)
+    index, compares = build.index([served(a, late) - reference for a, _ in found.spans], found.spans[-1][1] - reference)
     return build.HostLeg({"rows": rows, **index}, 3, compares)
+
+
+def served(start: Fraction, late: set[Fraction]) -> Fraction:
+    """Return from when on a record that starts at an instant serves."""
+    return start + (HANDOVER if start in late else 0)
 
 
 def involved(kernels: "Kernels", of: int, relative: int, bounds: tuple[Fraction, Fraction], correction: str) -> list[Segment]:
@@ -237,11 +155,22 @@ def native_grid(
     edges = sorted(cuts)
     edges = [edges[0], *(b for a, b in pairwise(edges) if b - a > Fraction(1, 1000))]
     edges[-1] = stop
-    grids = [s.grid()[:2] for s in segments if s.type in (2, 3)] if correction == "NONE" else []
+    grids = [grid for s in segments if (grid := own_grid(kernels, s)) is not None] if correction == "NONE" else []
     if not grids:
         return [Part(a, b, a) for a, b in pairwise(edges)], stop - start
     origin, unit = min(grids, key=lambda grid: grid[1])
-    return [Part(a, b, Fraction(origin)) for a, b in pairwise(edges)], Fraction(unit)
+    return [Part(a, b, origin) for a, b in pairwise(edges)], unit
+
+
+def own_grid(kernels: "Kernels", segment: Segment) -> tuple[Fraction, Fraction] | None:
+    """Return an edge of a segment's own records, or of its nodes, and the length of these; None if it has no even ones."""
+    if segment.type in (2, 3):
+        origin, length, _, _ = segment.grid()
+        return Fraction(origin), Fraction(length)
+    if segment.type in NODES:
+        with contextlib.suppress(BadKernelError, TypeError, ValueError, OverflowError):  # what CSPICE makes of it, it says itself
+            return node_grid(kernels._process, segment)
+    return None
 
 
 def acceleration(model: StateModel, found: Choice, bounds: tuple[Fraction, Fraction]) -> tuple[str, float]:

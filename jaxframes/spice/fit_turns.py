@@ -2,7 +2,6 @@
 
 from fractions import Fraction
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import jax.numpy as jnp
@@ -13,13 +12,18 @@ from jaxframes.numerics.boundary import default_float
 from jaxframes.spice import build
 from jaxframes.spice import quaternions as quat
 from jaxframes.spice.attitude import CayleyTable
-from jaxframes.spice.classes import PCK, SWITCH, anchored
-from jaxframes.spice.fit import slopes, spread, wanted
+from jaxframes.spice.fit import made, served
+from jaxframes.spice.frame_classes import PCK, anchored
+from jaxframes.spice.host import cayley_rates
 from jaxframes.spice.knots import GRACE
 from jaxframes.spice.process import CspiceError
-from jaxframes.spice.reach import SHRINK, Span, reach
-from jaxframes.spice.search import DEGREES, Choice, Part, search
-from jaxframes.spice.times import exact_seconds, reference_day, span_text, two_parts
+from jaxframes.spice.records import DEGREES, Choice, Part
+from jaxframes.spice.search import search
+from jaxframes.spice.segments import Segment, late_instants
+from jaxframes.spice.state_model import slopes, spread
+from jaxframes.spice.stretches import TOUCHING, stretches_of
+from jaxframes.spice.times import reference_day, span_text, two_parts
+from jaxframes.spice.tolerance import Goal
 
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
@@ -27,15 +31,12 @@ if TYPE_CHECKING:
 
 NO_ANSWER = ("SPICE(NOFRAMECONNECT)", "SPICE(FRAMEDATANOTFOUND)", "SPICE(SPKINSUFFDATA)")
 NODES = 19  # odd: one lies in the middle of the record
-PROBES = 513  # epochs at which it is asked where there are data at all
-TOUCHING = 3 * GRACE  # stretches closer than this have no gap between them
 SLOPES = 300
 
 
 class TurnModel:
     """Attitudes o_T_p and angular velocities in o axes, as the Cayley vector of the turn from a uniformly spinning reference."""
 
-    kind = "orientation"
     extras = 8
     scale = 1.0
 
@@ -70,7 +71,7 @@ class TurnModel:
         true = _offset(values, _reference(fitted, which, times))[:, None]
         between = (g - true) - np.cross(g - true, true)
         angle = 2 * np.arctan2(np.linalg.norm(between, axis=2), 1 + (g * true).sum(2))
-        w, _ = _rates(g, rate, np.zeros_like(g), fitted["spin"][which][:, None])
+        w, _ = cayley_rates(g, rate, np.zeros_like(g), fitted["spin"][which][:, None])
         return np.stack([angle, np.linalg.norm(w - rates[:, None], axis=2)]).transpose(0, 2, 1)
 
     def acceleration(self, found: Choice) -> tuple[str, float]:
@@ -88,7 +89,7 @@ class TurnModel:
         s, c = (times - fitted["middle"][which]) / radius, fitted["c"][which][:, : found.degree + 1].transpose(1, 2, 0)
         chebyshev = np.polynomial.chebyshev
         g, g1, g2 = (chebyshev.chebval(s, chebyshev.chebder(c, k), tensor=False).T / radius[:, None] ** k for k in range(3))
-        _, alpha = _rates(g, g1, g2, fitted["spin"][which])
+        _, alpha = cayley_rates(g, g1, g2, fitted["spin"][which])
         name = f"angular acceleration error, rad/s2 (differences of CSPICE's rates, {h.min():.3g} s)"
         return name, float(np.linalg.norm(alpha - reference, axis=1).max())
 
@@ -104,16 +105,6 @@ def _offset(q: np.ndarray, reference: np.ndarray) -> np.ndarray:
     return d[..., 1:] / np.where(np.abs(d[..., :1]) < 1e-9, 1e-9, d[..., :1])
 
 
-def _rates(g: np.ndarray, g1: np.ndarray, g2: np.ndarray, spin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return angular velocity and acceleration; the formulas are those of ``attitude._cayley``."""
-    square = 1 + (g * g).sum(-1, keepdims=True)
-    own = 2 * (g1 + np.cross(g, g1)) / square
-    own2 = 2 * (g2 + np.cross(g, g2)) / square - 2 * own * (g * g1).sum(-1, keepdims=True) / square
-    spin = np.broadcast_to(spin, g.shape)
-    carried = spin + 2 * (np.cross(g, spin) + np.cross(g, np.cross(g, spin))) / square
-    return own + carried, own2 + np.cross(own, carried)
-
-
 def orientation(kernels: "Kernels", request: "Request") -> CayleyTable:
     """Return a fitted table.
 
@@ -124,21 +115,22 @@ def orientation(kernels: "Kernels", request: "Request") -> CayleyTable:
     of, base = request.of, request.base
     assert request.tolerance is not None
     limits = request.tolerance.bounds("orientation")
-    stretches, files = _stretches(kernels, request)
-    bounds = (stretches[0][0], stretches[-1][1])
-    parts, unit = _parts(kernels, of, stretches)
+    stretches, files = stretches_of(kernels, request)
+    bounds = (stretches[0].start, stretches[-1].stop)
+    parts, unit = _parts(kernels, of, [(s.first, s.last) for s in stretches])
     model = TurnModel(kernels, of["name"], base["name"])
     aim = f"{of['name']} relative to {base['name']} over {span_text(*bounds)}"
+    goal = Goal("orientation", limits, None, request.layout, aim)
     try:
-        found = search(model, parts, unit, limits, None, request.layout, aim)
+        found = search(model, parts, unit, goal)
     except CspiceError as error:
         if error.short not in NO_ANSWER:
             raise
         raise CoverageError(f"CSPICE has no orientation of {aim}, at some instants at least: {error} Leave those out.") from error
-    gaps = [(a[1], b[0]) for a, b in pairwise(stretches) if b[0] - a[1] > TOUCHING]
-    leg, spins = _leg(found, reference_day(bounds[0]))
+    gaps = [(a.stop, b.start) for a, b in pairwise(stretches) if b.start - a.stop > TOUCHING]
+    leg, spins = _leg(found, reference_day(bounds[0]), late_instants(_own(kernels, of), *bounds))
     measured = (("angle error, rad", found.worst[0]), ("rate error, rad/s", found.worst[1]), model.acceleration(found))
-    notes = [wanted(limits, None, found, model.extras), *(f"gap: {span_text(*gap)}" for gap in gaps[:20])]
+    notes = [made(goal, found, model.extras), *(f"gap: {span_text(*gap)}" for gap in gaps[:20])]
     notes += [f"{len(gaps)} gaps in all"] if gaps else []
     facts = {"method": f"{request.layout} fit of CSPICE's orientations, Cayley vectors", "measured": measured, "notes": tuple(notes)}
     names = (of["name"], of["id"], base["name"], base["id"], base["name"])
@@ -146,7 +138,7 @@ def orientation(kernels: "Kernels", request: "Request") -> CayleyTable:
     return kernels._table(CayleyTable, "cayley", names, bounds, [leg], files, facts, spins=spun)
 
 
-def _leg(found: Choice, reference: int) -> tuple[build.HostLeg, np.ndarray]:
+def _leg(found: Choice, reference: int, late: set[Fraction]) -> tuple[build.HostLeg, np.ndarray]:
     """Return the leg and the reference spins [n, 8]; a gap is a row whose length is NaN."""
     fitted, n = found.fitted, len(found.spans)
     rate = np.linalg.norm(fitted["spin"], axis=1)
@@ -165,7 +157,8 @@ def _leg(found: Choice, reference: int) -> tuple[build.HostLeg, np.ndarray]:
     nothing[0, -1] = np.nan
     for i in range(1, n + 1):
         if i == n or found.spans[i][0] - found.spans[i - 1][1] > TOUCHING:
-            starts += [span[0] - reference for span in found.spans[at:i]]
+            begin = served(found.spans[at][0], late) - (GRACE if at else 0)  # after a gap, as long before the data as the gap is after them
+            starts += [begin - reference, *(served(span[0], late) - reference for span in found.spans[at + 1 : i])]
             row_parts.append(rows[at:i])
             spin_parts.append(spins[at:i])
             if i < n:
@@ -177,77 +170,15 @@ def _leg(found: Choice, reference: int) -> tuple[build.HostLeg, np.ndarray]:
     return build.HostLeg({"rows": np.concatenate(row_parts), **index}, 3, compares), np.concatenate(spin_parts)
 
 
-def _stretches(kernels: "Kernels", request: "Request") -> tuple[list[Span], list[Path]]:
-    """Return the stretches within the span where CSPICE has an answer, cut where a frame switches, and the files that hold the data."""
-    of, base = request.of, request.base
-    low = exact_seconds(request.start, "start") if request.start is not None else None
-    high = exact_seconds(request.stop, "stop") if request.stop is not None else None
-    if low is not None and high is not None and low >= high:
-        raise CoverageError(f"start lies at or after stop: {span_text(low, high)}. A table needs a span of time.")
-    found = reach(kernels, of).both(reach(kernels, base))
-    spans = found.spans
-    if spans is None:
-        if low is None or high is None:
-            raise CoverageError(f"{of['name']} has no coverage of its own: give start= and stop=.")
-        spans = [(low, high)]
-    spans = [(a if low is None else max(a, low), b if high is None else min(b, high)) for a, b in spans]
-    cuts = _switches(kernels, of) if of["class"] == SWITCH else []
-    out: list[Span] = []
-    each = max(PROBES // len(spans), 9)
-    for a, b in spans:
-        if b - a > 4 * SHRINK:
-            edges = [a, *(c for c in cuts if a < c < b), b]
-            for c, d in pairwise(edges):
-                # A switch happens between two doubles: leave the instant itself to the stretch that it starts.
-                out += _valid(kernels, request, c, d - (SHRINK if d != b else 0), each)
-    if not out:
-        have = "".join(f"\n  data:    {span_text(*span)}" for span in (found.spans or [])[:5])
-        raise CoverageError(f"CSPICE has no orientation of {of['name']} relative to {base['name']} anywhere in the span asked for.{have}")
-    if found.whole:
-        return out, list(found.files)
-    # CSPICE follows the chain: what it read of the files loaded is not known.
-    return out, [Path(path) for path in kernels._process.call("binary_files", doing="listing the kernels")]
-
-
-def _valid(kernels: "Kernels", request: "Request", start: Fraction, stop: Fraction, count: int) -> list[Span]:
-    """Return the stretches between two instants where CSPICE has an answer, found by probing and halving."""
-
-    def there(times: np.ndarray) -> np.ndarray:
-        names = (request.of["name"], request.base["name"])
-        rotations, _ = kernels._process.call("turns_where", *names, times, doing="looking for orientations")
-        return np.isfinite(rotations).all((1, 2))
-
-    times = np.linspace(float(start), float(stop), count)
-    good = there(times)
-    if good.all():
-        return [(start, stop)]
-    changes = np.flatnonzero(good[1:] != good[:-1])
-    if not good.any():
-        return []
-    inside, outside = (np.where(good[changes] == flag, times[changes], times[changes + 1]) for flag in (True, False))
-    for _ in range(60):
-        middle = (inside + outside) / 2
-        if not (np.abs(inside - outside) > float(SHRINK)).any():
-            break
-        ok = there(middle)
-        inside, outside = np.where(ok, middle, inside), np.where(ok, outside, middle)
-    edges = [start] * bool(good[0]) + [Fraction(float(x)) for x in inside] + [stop] * bool(good[-1])
-    return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 4 * SHRINK]
-
-
-def _switches(kernels: "Kernels", of: dict[str, Any]) -> list[Fraction]:
-    """Return the instants at which a switch frame changes the frame that it follows."""
-    found = []
-    for end in ("START", "STOP"):
-        for key in (of["id"], of["name"]):
-            found += kernels._process.call("instants", f"FRAME_{key}_{end}", doing=f"reading when {of['name']} switches")
-    return sorted({Fraction(x) for x in found})
-
-
-def _parts(kernels: "Kernels", of: dict[str, Any], stretches: list[Span]) -> tuple[list[Part], Fraction]:
-    """Return the parts to fit, laid on the records of a binary PCK where one orients the frame, and the record length to start from."""
+def _own(kernels: "Kernels", of: dict[str, Any]) -> list[Segment]:
+    """Return the segments of binary PCK files that orient a frame, or the one that it is fixed to."""
     axes = anchored(kernels, of).axes
-    own = [s for s in kernels._segments if s.kind == "PCK" and s.body == axes["class_id"]] if axes["class"] == PCK else []
+    return [s for s in kernels._segments if s.kind == "PCK" and s.body == axes["class_id"]] if axes["class"] == PCK else []
+
+
+def _parts(kernels: "Kernels", of: dict[str, Any], stretches: list[tuple[Fraction, Fraction]]) -> tuple[list[Part], Fraction]:
+    """Return the parts to fit, laid on the records of a binary PCK where one orients the frame, and the record length to start from."""
+    own = _own(kernels, of)
     cuts = sorted({Fraction(x) for s in own for x in (s.begin, s.end)})
     edges = [[a, *(c for c in cuts if a < c < b), b] for a, b in stretches]
     pairs = [(a, b) for run in edges for a, b in pairwise(run)]

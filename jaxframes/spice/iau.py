@@ -74,7 +74,8 @@ class IauOrientation(Edge):
 
     def add_to_tree(self, builder: Any, *, body: str | int, frame: str | int | None, tables: Any = None) -> str:
         """Find or add the frame of a body in a builder, from these tables; see ``TreeBuilder.add_spice``."""
-        from jaxframes.spice.places import TableSource, place
+        from jaxframes.spice.places import place
+        from jaxframes.spice.table_source import TableSource
 
         return place(builder, TableSource(tables or [self]), body, frame)
 
@@ -103,7 +104,9 @@ class IauOrientation(Edge):
         lines = [
             f"orientation of {self.info.of} ({self.info.of_id}) relative to {self.info.relative_to} ({self.info.relative_id})",
             f"method:   analytic model of a text PCK, {self.phases.shape[0]} phase angles, evaluated at any instant",
+            f"coverage: {self.info.coverage}",
             f"size:     {sum(leaf.nbytes for leaf in jax.tree.leaves(self))} bytes, {self.phases.dtype.name}",
+            *(f"measured: {name}: {value:.3g}" for name, value in self.info.measured),
             *(f"kernel:   {source.name} sha256 {source.sha256}" for source in self.info.sources),
             f"read by:  {self.info.toolkit}",
         ]

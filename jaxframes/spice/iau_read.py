@@ -1,16 +1,16 @@
 """Reading the constants of text PCK files into the analytic model of a body's orientation (NAIF's ``pck.req``)."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jaxframes.errors import BadKernelError, NoPathError
-from jaxframes.spice.hashes import sha256
+from jaxframes.spice import measure
 from jaxframes.spice.iau import PAIRED, IauOrientation
-from jaxframes.spice.info import Info, Source
+from jaxframes.spice.timeless import timeless_info
 from jaxframes.spice.times import two_parts
 
 if TYPE_CHECKING:
@@ -59,7 +59,9 @@ def text_pck(kernels: "Kernels", request: "Request", placement: np.ndarray) -> I
     arrays["amplitudes"] = amplitudes[used]
     arrays["phases"] = _stacked([_scaled(phases[i], CENTURY) for i in used])
     assert {*PAIRED, "amplitudes", "placement"} == set(arrays)
-    return IauOrientation.from_arrays(arrays, _info(kernels, request))
+    info = timeless_info(kernels, request, "iau", "analytic model of a text PCK")
+    measured = measure.model(kernels, request.of["name"], request.base["name"], arrays)
+    return IauOrientation.from_arrays(arrays, replace(info, measured=measured))
 
 
 def model_axes(kernels: "Kernels", class_id: int) -> str:
@@ -116,16 +118,3 @@ def _stacked(rows: Sequence[Sequence[Fraction]]) -> np.ndarray:
     terms = max([2, *(k + 1 for row in rows for k, value in enumerate(row) if value)])
     padded = [[*row, *[Fraction(0)] * terms][:terms] for row in rows]
     return np.array([[two_parts(value) for value in row] for row in padded], float).reshape(len(rows), terms, 2)
-
-
-def _info(kernels: "Kernels", request: "Request") -> Info:
-    of, base = request.of, request.base
-    return Info(
-        "iau",
-        *(of["name"], of["id"], base["name"], base["id"], base["name"]),
-        *("", "", ""),
-        sources=tuple(Source(Path(f).name, sha256(Path(f))) for f in kernels._text),
-        segments=(),
-        toolkit=kernels._process.call("version", doing="asking for the version"),
-        method="analytic model of a text PCK",
-    )

@@ -9,19 +9,20 @@ from typing import Any
 from jaxframes.errors import CoverageError, NoPathError, UnknownBodyError, suggest
 from jaxframes.spatial.calendar import tdb_text
 from jaxframes.spatial.utc import LeapSeconds
-from jaxframes.spice import classes
-from jaxframes.spice.ck import KNOTS, segments_of
+from jaxframes.spice.built_in import J2000, NAMES
 from jaxframes.spice.clock import clock_of
+from jaxframes.spice.frame_classes import CK, CLASSES, DYNAMIC, INERTIAL, PCK, SWITCH, anchored
 from jaxframes.spice.iau_read import has_text_pck
+from jaxframes.spice.kernel_source import KernelSource
 from jaxframes.spice.leap import read_leap_seconds
-from jaxframes.spice.paths import Walk
-from jaxframes.spice.places import J2000, place
-from jaxframes.spice.search import Tolerance
+from jaxframes.spice.places import place
 from jaxframes.spice.segments import coverage
 from jaxframes.spice.times import Instant
+from jaxframes.spice.tolerance import Tolerance
 from jaxframes.tree.builder import TreeBuilder
-from jaxframes.tree.edges.base import Edge
 from jaxframes.tree.tree import FrameTree
+
+SSB = tuple(name for name, number in NAMES.items() if number == 0)
 
 
 @dataclass(frozen=True)
@@ -79,18 +80,18 @@ class Inventory:
         """
         rows = []
         for frame in self._process.call("all_frames", doing="listing frames"):
-            if frame["class"] == classes.INERTIAL or not self._has_data(frame):
+            if frame["class"] == INERTIAL or not self._has_data(frame):
                 continue
-            rows.append((frame["id"], frame["name"], classes.CLASSES.get(frame["class"], "?"), self._name(frame["center"])))
+            rows.append((frame["id"], frame["name"], CLASSES.get(frame["class"], "?"), self._name(frame["center"])))
         return Listing(("id", "frame", "class", "center"), tuple(sorted(rows)))
 
     def _has_data(self: Any, frame: dict[str, Any]) -> bool:
         """Whether data for a frame are loaded, as far as that is said without looking at instants."""
-        if frame["class"] == classes.PCK:
+        if frame["class"] == PCK:
             binary = any(s.kind == "PCK" and s.body == frame["class_id"] for s in self._segments)
             return binary or has_text_pck(self, frame["class_id"])
         try:
-            classes.anchored(self, frame)
+            anchored(self, frame)
         except NoPathError:
             return False
         return True
@@ -99,7 +100,8 @@ class Inventory:
         """Return the spans that the kernels cover a body or a frame in, like NAIF's ``brief``: id, name, start, stop, file.
 
         Args:
-            of: Body by name or id, or frame by name; a name that is both is the body's if there are positions of it.
+            of: Body or frame by name or id. A name that both go by (as spacecraft and their attitudes may) gives the rows of both,
+                those of the body first; an id is that of a body where there are data of it, else that of a frame.
 
         Raises:
             UnknownBodyError: If it is neither.
@@ -107,16 +109,24 @@ class Inventory:
             MissingKernelError: If the kernel of the clock that its C-kernels count in is not loaded.
         """
         columns = ("id", "name", "start", "stop", "file")
-        body = self._process.call("body", str(of), doing=f"looking up {of!r}") if str(of).upper() != "SSB" else 0
-        axes = self._process.call("frame", str(of), doing=f"looking up {of!r}") if isinstance(of, str) else None
+        label = str(of).strip()
+        body = 0 if label.upper() in SSB else self._process.call("body", label, doing=f"looking up {of!r}") if label else None
+        axes = self._process.call("frame", label, doing=f"looking up {of!r}") if label else None
         if body is None and axes is None:
             names = [*self._process.call("frame_names", doing="listing frames"), *(row[1] for row in self.bodies())]
-            raise UnknownBodyError(f"{of!r} is neither a body nor a frame known to the kernels loaded.{suggest(str(of).upper(), names)}")
-        if body is not None and (rows := self._spans("SPK", int(body), int(body), self._name(int(body)))):
-            return Listing(columns, tuple(rows))
-        if axes is not None:  # spacecraft and instruments often have a frame of their own name
-            return Listing(columns, tuple(self._frame_spans(axes)))
-        raise CoverageError(f"No SPK segment of {self._name(int(body or 0))} ({body}) is loaded; kernels.bodies() lists those that are.")
+            raise UnknownBodyError(f"{of!r} is neither a body nor a frame known to the kernels loaded.{suggest(label.upper(), names)}")
+        name = label if body is None else self._name(int(body))
+        rows = [] if body is None else self._spans("SPK", int(body), int(body), name)
+        is_number = label.lstrip("+-").isdigit()
+        if axes is not None and not (rows and is_number):
+            try:
+                rows += self._frame_spans(axes)
+            except (CoverageError, NoPathError):
+                if not rows and body is None:
+                    raise
+        if not rows:
+            raise CoverageError(f"No SPK segment of {name} ({body}) is loaded; kernels.bodies() lists those that are.")
+        return Listing(columns, tuple(rows))
 
     def _spans(self: Any, kind: str, key: int, number: int, name: str) -> list[tuple[Any, ...]]:
         own = [s for s in self._segments if (s.kind, s.body) == (kind, key)]
@@ -125,16 +135,16 @@ class Inventory:
 
     def _frame_spans(self: Any, axes: dict[str, Any]) -> list[tuple[Any, ...]]:
         number, name = axes["id"], axes["name"]
-        anchor = classes.anchored(self, axes).axes
-        if anchor["class"] == classes.INERTIAL:
-            return [(number, name, None, None, "built in" if axes["class"] == classes.INERTIAL else "fixed offset")]
-        if anchor["class"] == classes.PCK:
+        anchor = anchored(self, axes).axes
+        if anchor["class"] == INERTIAL:
+            return [(number, name, None, None, "built in" if axes["class"] == INERTIAL else "fixed offset")]
+        if anchor["class"] == PCK:
             rows = self._spans("PCK", anchor["class_id"], number, name)
             if has_text_pck(self, anchor["class_id"]):
                 rows.append((number, name, None, None, "text PCK"))
             if rows:
                 return rows
-        if anchor["class"] == classes.CK:
+        if anchor["class"] == CK:
             rows = []
             segments = self._process.call("ck_segments", doing="listing the segments of the C-kernels")
             paths = dict.fromkeys(s["path"] for s in segments if s["instrument"] == anchor["class_id"])
@@ -145,10 +155,10 @@ class Inventory:
                 rows += [(number, name, Fraction(a), Fraction(b), Path(path).name) for a, b in windows]
             if rows:
                 return rows
-        if anchor["class"] in (classes.DYNAMIC, classes.SWITCH):
-            return [(number, name, None, None, f"{classes.CLASSES[anchor['class']]}: where what defines it has data")]
+        if anchor["class"] in (DYNAMIC, SWITCH):
+            return [(number, name, None, None, f"{CLASSES[anchor['class']]}: where what defines it has data")]
         raise CoverageError(
-            f"No kernel loaded orients {name} (class {classes.CLASSES.get(axes['class'], '?')}); kernels.frames() lists those that are."
+            f"No kernel loaded orients {name} (class {CLASSES.get(axes['class'], '?')}); kernels.frames() lists those that are."
         )
 
     def leap_seconds(self: Any) -> LeapSeconds:
@@ -181,13 +191,16 @@ class Inventory:
             stop: End of the coverage.
             ck: How C-kernels are read between their knots, as in ``orientation``.
             bridge: For C-kernels of type 1, as in ``orientation``.
-            tolerance: For dynamic and switch frames and C-kernels of types 4 to 6, which are fitted: the angle and rate to meet.
+            tolerance: For what has to be fitted, the errors to meet: angle and rate for dynamic and switch frames and C-kernels of types
+                4 to 6; position and velocity for bodies whose SPK segments are not polynomials, turn, or change their centre (the
+                edge is then from the nearest body that all these centres hang on). What can be had exactly stays exact.
 
         Raises:
             UnknownBodyError: If a body is unknown.
             UnknownAxesError: If a frame is unknown.
-            NoPathError: If the kernels do not connect them.
+            NoPathError: If the kernels do not connect them, or something has to be fitted and there is no tolerance.
             CoverageError: If the kernels do not cover the span.
+            ToleranceError: If a fit cannot be as good, or the tolerance says nothing about it.
         """
         builder, source = TreeBuilder(root="SSB"), KernelSource(self, start, stop, ck, bridge, tolerance)
         builder.set_properties("SSB", {"spice_body": 0, "spice_frame": J2000, "spice_body_name": "SSB", "spice_frame_name": "J2000"})
@@ -211,66 +224,3 @@ class Inventory:
     ) -> str:
         """Find or add the frame of a body in a builder; see ``TreeBuilder.add_spice``."""
         return place(builder, KernelSource(self, start, stop, ck, bridge, tolerance), body, frame)
-
-
-class KernelSource:
-    """Kernels as the source of edges over one span."""
-
-    def __init__(
-        self, kernels: Any, start: Instant | None, stop: Instant | None, ck: str, bridge: float | None, tolerance: Tolerance | None
-    ):
-        """Take open kernels, the span that edges shall cover, and what the classes of frames ask for."""
-        self._kernels, self._start, self._stop = kernels, start, stop
-        knots, fit = {"ck": ck, "bridge": bridge}, {"tolerance": tolerance}
-        self._options = {classes.CK: knots, classes.DYNAMIC: fit, classes.SWITCH: fit}
-
-    def body(self, body: str | int) -> tuple[int, str]:
-        """See ``Source``."""
-        number = self._kernels._body(body, "body")
-        return number, self._kernels._name(number)
-
-    def frame(self, body: int, frame: str | int | None) -> tuple[int, str]:
-        """See ``Source``."""
-        axes = self._kernels._axes(str(self._default(body) if frame is None else frame))
-        return axes["id"], axes["name"]
-
-    def _default(self, body: int) -> int:
-        """Return the body-fixed frame that SPICE knows for a body; J2000 for barycentres and spacecraft, which have none of their own.
-
-        SPICE's own answers for those are surprises: ECLIPB1950 for body 0, a frame without data for the barycentre of the Earth.
-        """
-        found = None if body < 10 else self._kernels._process.call("body_frame", body, doing=f"looking up the frame of body {body}")
-        return J2000 if found is None else found
-
-    def centered(self, body: int, frame: int) -> bool:
-        """See ``Source``."""
-        return self._kernels._axes(str(frame))["center"] == body
-
-    def base(self, frame: int) -> tuple[int, str]:
-        """See ``Source``."""
-        axes = self._kernels._axes(str(frame))
-        base = J2000
-        if axes["class"] == classes.TK:
-            _, base = self._kernels._process.call("fixed_offset", frame, doing=f"looking up the offset of {axes['name']}")
-        elif axes["class"] == classes.CK:
-            bases = {s.frame for s in segments_of(self._kernels, axes["class_id"])}
-            if len(bases) == 1 and self._kernels._axes(str(*bases))["class"] != classes.INERTIAL:
-                (base,) = bases  # an arm on a spacecraft, say
-        return base, self._kernels._axes(str(base))["name"]
-
-    def chain(self, body: int) -> list[int]:
-        """See ``Source``."""
-        start, stop = self._kernels._span(self._start, self._stop, "SPK", (body,))
-        return Walk(body, self._kernels._segments, start, stop, self._kernels._name).bodies
-
-    def translation(self, target: int, center: int) -> Edge:
-        """See ``Source``."""
-        return self._kernels.translation(target=target, center=center, start=self._start, stop=self._stop)
-
-    def orientation(self, frame: tuple[int, str], base: tuple[int, str]) -> Edge:
-        """See ``Source``."""
-        axes = self._kernels._axes(frame[1])
-        options = self._options.get(axes["class"], {})
-        if axes["class"] == classes.CK and not {s.type for s in segments_of(self._kernels, axes["class_id"])} <= set(KNOTS):
-            options = self._options[classes.DYNAMIC]
-        return self._kernels.orientation(frame=frame[1], relative_to=base[1], start=self._start, stop=self._stop, **options)

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -18,18 +19,19 @@ from jaxframes.errors import (
     UnknownBodyError,
     suggest,
 )
-from jaxframes.spice import build, classes, extract, orient, translate
-from jaxframes.spice.files import kernel_files
+from jaxframes.spice import build, extract, orient, translate
+from jaxframes.spice.files import ShortNames, kernel_files
+from jaxframes.spice.frame_classes import CLASSES, INERTIAL, PCK
 from jaxframes.spice.hashes import sha256
 from jaxframes.spice.info import Info, Source, decimal
 from jaxframes.spice.inventory import Inventory
 from jaxframes.spice.legs import to_leg
 from jaxframes.spice.paths import on_the_way
 from jaxframes.spice.process import TIMEOUT, CspiceError, KernelProcess
-from jaxframes.spice.search import Tolerance
-from jaxframes.spice.segments import Piece, Segment, coverage
+from jaxframes.spice.segments import Piece, Segment, coverage, handed_over
 from jaxframes.spice.tables import Table, TranslationTable
 from jaxframes.spice.times import Instant, exact_seconds, pairs, reference_day, span_text
+from jaxframes.spice.tolerance import Tolerance
 
 SOLAR_SYSTEM_BARYCENTER = ("SSB", "SOLAR SYSTEM BARYCENTER", "SOLAR_SYSTEM_BARYCENTER")
 
@@ -40,7 +42,10 @@ class Kernels(Inventory):
     """SPICE kernels, read in a private pool: the caller's own spiceypy, if any, is neither imported nor touched.
 
     A process of its own holds the pool until the ``with`` block ends. What it makes are tables, which need no kernel afterwards.
-    Later files win over earlier ones, and within a file later segments over earlier ones, as in SPICE.
+    Later files win over earlier ones, and within a file later segments over earlier ones, as in SPICE, which takes segments as closed at
+    both ends: the instant at which one that wins ends is still its own (and the nanosecond after it, so that epochs in two parts are
+    safe; within the spacing of SPICE's own epochs). Legs that are composed (``compose=True``) cannot hold two such rules at one instant:
+    there the instant belongs to the records that follow.
 
     Example:
         >>> import jaxframes as jf
@@ -61,7 +66,7 @@ class Kernels(Inventory):
             BadKernelError: If a file is no kernel, or is damaged.
         """
         files = kernel_files(paths)
-        self._process, self._text = KernelProcess(timeout), list[Path]()
+        self._process, self._text, self._names = KernelProcess(timeout), list[Path](), ShortNames()
         try:
             for file in files:
                 self._load(file)
@@ -76,16 +81,16 @@ class Kernels(Inventory):
             raise
 
     def _load(self, file: Path) -> None:
-        doing = f"loading {file}"
+        doing, name = f"loading {file}", self._names.of(file)
         try:
-            architecture, _ = self._process.call("kind", str(file), doing=doing) if file.stat().st_size else ("?", "?")
+            architecture, _ = self._process.call("kind", name, doing=doing) if file.stat().st_size else ("?", "?")
             if architecture not in ("DAF", "DAS", "KPL") and not (architecture == "?" and _is_text_kernel(file)):
                 transfer = architecture in ("XFR", "DEC")
                 remedy = (
                     "It is a transfer file: convert it with NAIF's tobin." if transfer else "Give binary SPK or PCK files, or text kernels."
                 )
                 raise BadKernelError(f"{file} is not a SPICE kernel (CSPICE says {architecture!r}). {remedy}")
-            self._process.call("load", str(file), doing=doing)
+            self._process.call("load", name, doing=doing)
         except CspiceError as error:
             missing = error.short in ("SPICE(NOSUCHFILE)", "SPICE(FILENOTFOUND)")  # one that a meta-kernel names
             hint = f" Relative paths in a meta-kernel count from the current directory, {Path.cwd()}." if missing else ""
@@ -100,6 +105,7 @@ class Kernels(Inventory):
     def close(self) -> None:
         """End the process that holds the kernels; tables made before stay as they are."""
         self._process.close()
+        self._names.close()
 
     def translation(
         self,
@@ -163,14 +169,15 @@ class Kernels(Inventory):
 
         A binary PCK is extracted record by record, a text PCK becomes its analytic model (exact, at every instant: ``start`` and
         ``stop`` are not used), C-kernels of types 1 to 3 become knot tables, gaps kept, and frames that do not turn against each other
-        become ``jf.edges.Fixed``: inertial ones, and those given by fixed offsets (TK) from a common frame. With ``tolerance`` a table is
-        fitted to what CSPICE computes, for every other frame: dynamic and switch frames, C-kernels of types 4 to 6, chains.
+        become ``jf.spice.FixedFrame``, a ``jf.edges.Fixed``: inertial ones, and those given by fixed offsets (TK) from a common frame.
+        With ``tolerance`` a table is fitted to what CSPICE computes, for every other frame: dynamic and switch frames, C-kernels of
+        types 4 to 6, chains.
 
         Args:
             frame: The frame, e.g. ``"ITRF93"``, ``"IAU_MARS"``, ``"ECLIPJ2000"``.
             relative_to: Frame that the parent has the axes of: inertial, or one that ``frame`` is fixed to.
-            start: Start of the coverage, as in ``translation``.
-            stop: End of the coverage.
+            start: Start of the coverage, as in ``translation``; the kernels must cover it. Default: the kernel's own first instant.
+            stop: End of the coverage, likewise. Gaps of C-kernels in between are kept: NaN there, and lines in the report.
             ck: Between the knots of a C-kernel: ``"smooth"``, attitude, rate and angular acceleration belong together; ``"spice"``, what
                 SPICE computes, whose rate is not the derivative of its attitude.
             tolerance: Fit to within this angle and rate, with as few bytes as possible.
@@ -178,12 +185,12 @@ class Kernels(Inventory):
             bridge: C-kernels of type 1 have attitudes at instants only: those up to so many seconds apart are joined.
 
         Returns:
-            An ``OrientationTable``, ``IauOrientation``, ``AttitudeTable``, ``CayleyTable`` or ``Fixed``, by what the frame is.
+            An ``OrientationTable``, ``IauOrientation``, ``AttitudeTable``, ``CayleyTable`` or ``FixedFrame``, by what the frame is.
 
         Raises:
             UnknownAxesError: If a frame is unknown.
             NoPathError: If no data orients the frame, or ``relative_to`` turns against it.
-            CoverageError: If the kernels do not cover the span.
+            CoverageError: If the kernels do not cover the start or the stop, or, but for C-kernels and fits, leave a gap between them.
         """
         request = orient.Request(self._axes(frame), self._axes(relative_to), start, stop, ck, tolerance, layout, bridge)
         return orient.orientation(self, request)
@@ -246,16 +253,16 @@ class Kernels(Inventory):
         return kind(**fields, **more)  # pyright: ignore[reportCallIssue]
 
     def _join(self, parts: list[tuple[Piece, np.ndarray | None]], sign: int, start: Fraction) -> tuple[build.HostLeg, list[float]]:
-        records = []
-        for piece, rotation in parts:
-            read = extract.read(self._process, piece)
+        records, late = [], handed_over([piece for piece, _ in parts])
+        for (piece, rotation), last_instant_taken in zip(parts, late, strict=True):
+            read = replace(extract.read(self._process, piece), late=last_instant_taken)
             records.append(read if rotation is None else build.rotated(read, rotation))
         return build.join(records, sign, reference_day(start)), [r.apart for r in records]
 
     def _rotation(self, segment: Segment, axes: str) -> np.ndarray | None:
         """Return the matrix from a segment's own inertial frame to another, None where they are the same."""
         own = self._process.call("frame", str(segment.frame), doing=f"looking up frame {segment.frame}")
-        if own is None or own["class"] != classes.INERTIAL:
+        if own is None or own["class"] != INERTIAL:
             label = "unknown to the kernels loaded" if own is None else f"{own['name']}, which turns"
             raise NoPathError(f"{segment.describe()} is relative to frame {segment.frame}, {label}: only inertial frames are extracted.")
         if own["name"] == axes:
@@ -299,7 +306,7 @@ class Kernels(Inventory):
         found = self._process.call("frame", str(frame), doing=f"looking up {frame!r}")
         if found is None:
             listed = self._process.call("all_frames", doing="listing frames")
-            oriented = {f["class_id"] for f in listed if f["class"] == classes.PCK}
+            oriented = {f["class_id"] for f in listed if f["class"] == PCK}
             lost = sorted({s.body for s in self._segments if s.kind == "PCK"} - oriented)
             hint = f" The binary PCK files loaded orient class ids {lost}, which no frame is defined for: load their frame kernel (.tf)."
             raise UnknownAxesError(
@@ -310,8 +317,8 @@ class Kernels(Inventory):
 
     def _inertial(self, frame: str, role: str) -> dict[str, Any]:
         found = self._axes(frame)
-        if found["class"] != classes.INERTIAL:
-            kind = classes.CLASSES.get(found["class"], "?")
+        if found["class"] != INERTIAL:
+            kind = CLASSES.get(found["class"], "?")
             raise NoPathError(
                 f"{role} = {frame!r} is a {kind} frame, which turns; tables have inertial axes, as 'J2000'. "
                 f"Add the orientation as an edge of its own: kernels.orientation(frame={frame!r}, relative_to='J2000')."

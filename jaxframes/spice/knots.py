@@ -1,6 +1,6 @@
 """Making attitude tables of C-kernels: which segments serve, knots in time, gaps."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jaxframes.errors import CoverageError, NoPathError
-from jaxframes.spice import build, doubles
+from jaxframes.spice import build, doubles, measure
 from jaxframes.spice import quaternions as quat
 from jaxframes.spice.attitude import MODES, AttitudeTable
 from jaxframes.spice.ck import KNOTS, CkSegment, Intervals, layered, read_intervals, segments_of
 from jaxframes.spice.clock import Clock, clock_of
+from jaxframes.spice.paths import Span, open_ends, uncovered
+from jaxframes.spice.segments import HANDOVER
 from jaxframes.spice.times import exact_seconds, reference_day, span_text
 
 if TYPE_CHECKING:
@@ -21,7 +23,10 @@ if TYPE_CHECKING:
 BEND = 1e-11
 """Radians that an attitude may be off where the clock's time is taken to be even in TDB."""
 GRACE = Fraction(1, 10**5)
-"""A gap starts so many seconds after the data end: the last instant belongs to the data, also as an epoch of two float32."""
+"""A gap starts so many seconds after the data end, and ends as long before they go on: the last and the first instant belong to the data,
+also as epochs of two float32."""
+ROUNDED = Fraction(1, 10**6)
+"""Seconds that an instant asked for may lie outside the data: CSPICE rounds the ends that it tells."""
 
 
 def serving(kernels: "Kernels", of: dict[str, Any]) -> list[CkSegment]:
@@ -45,7 +50,7 @@ def attitude(
 
     Raises:
         NoPathError: If segments are of other types, or relative to a frame that turns against ``base``.
-        CoverageError: If there are no data in the span.
+        CoverageError: If the data do not cover the start and the stop that are given. Gaps between these are kept and reported.
         MissingKernelError: If the clock is not known.
     """
     if ck not in MODES:
@@ -70,24 +75,31 @@ def attitude(
     runs = [(s, _turned(_read(kernels, s, clock, bridge), turns[s.frame])) for s in touching]
     intervals, used = layered([r for r in runs if len(r[1].start)], -np.inf, np.inf)
     if intervals is None:
-        raise CoverageError(_nothing(of, low, high, begins, ends))
-    parts = _straight(intervals, clock)
-    intervals, t0, t1 = _within(*_dated(intervals, clock), low, high)
+        raise _uncovered(of, [], low, high, begins, ends)
+    edges, parts = clock._by_cspice(np.array([intervals.start[0], intervals.stop[-1]])), _straight(intervals, clock)
+    dated = _dated(intervals, clock)
+    have = _covered(*dated[1:])
+    intervals, t0, t1 = _within(*dated, low, high)
     if not len(intervals.start):
-        raise CoverageError(_nothing(of, low, high, begins, ends))
+        raise _uncovered(of, have, low, high, begins, ends)
+    # The ends of the data as CSPICE has them, each one double, are within these.
+    have[0] = (min(have[0][0], Fraction(edges[0])), have[0][1])
+    have[-1] = (have[-1][0], max(have[-1][1], Fraction(edges[1])))
+    bounds = (have[0][0] if low is None else low, have[-1][1] if high is None else high)
+    if not any(a - ROUNDED <= bounds[0] < b for a, b in have) or not any(a < bounds[1] <= b + ROUNDED for a, b in have):
+        raise _uncovered(of, have, low, high, begins, ends)
     measured = _measured(intervals, t0, t1)
     if parts is not None:
         intervals, t0, t1 = _within(*_dated(parts, clock), low, high)
-    first, last = (Fraction(t[0][i]) + Fraction(t[1][i]) for t, i in ((t0, 0), (t1, -1)))
-    bounds = (first if low is None else max(first, low), last if high is None else min(last, high))
+    last = max(Fraction(t1[0][-1]) + Fraction(t1[1][-1]), bounds[1])
     reference = reference_day(bounds[0])
     starts, rows, gaps = _rows(intervals, t0, t1, reference, ck)
     index, compares = build.index(starts, last - reference)
     leg = build.HostLeg({"rows": rows, **index}, rows.shape[1] - 3, compares)
     facts = {
         "method": f"knots of C-kernels, ck={ck!r}",
-        "measured": measured,
-        "notes": _notes(used, gaps, (low, high), bounds),
+        "measured": measure.knots(kernels, of["name"], base["name"], leg, ck, reference, bounds) + measured,
+        "notes": _notes(used, gaps),
         "segments": tuple(dict.fromkeys(f"{s.describe()}, frame id {s.frame}" for s in used)),
     }
     names = (of["name"], of["id"], base["name"], base["id"], base["name"])
@@ -123,7 +135,7 @@ def _turned(intervals: Intervals, by: np.ndarray | None) -> Intervals:
         return intervals
     turn = np.broadcast_to(by, intervals.q.shape)
     moved, w0, w1 = (quat.rotate(turn, v) for v in (intervals.turn, intervals.w0, intervals.w1))
-    return Intervals(intervals.start, intervals.stop, quat.multiply(turn, intervals.q), moved, w0, w1, intervals.even)
+    return replace(intervals, q=quat.multiply(turn, intervals.q), turn=moved, w0=w0, w1=w1)
 
 
 def _dated(intervals: Intervals, clock: Clock) -> tuple[Intervals, doubles.Pair, doubles.Pair]:
@@ -188,13 +200,18 @@ def _rows(
         uneven = ~intervals.even[:, None]  # an even spin is as it is, in whatever seconds the kernel's rate may be
         vectors = tuple((w - mean) * (length[:, None] / 2) * uneven for w in (intervals.w0, intervals.w1))
     rows = np.concatenate([intervals.q, axis, half[:, None], *vectors, past[0][:, None], past[1][:, None], length[:, None]], 1)
+    touch = np.append(False, np.abs(t0[0][1:] - t1[0][:-1]) <= 2 * float(GRACE))
+    late = touch & np.append(False, intervals.rank[:-1] > intervals.rank[1:])  # the instant itself is the earlier interval's
     until = doubles.add(t1, (np.full(len(t1[0]), -float(reference)), np.zeros(len(t1[0]))))
     pause = doubles.add(until, (np.full(len(t1[0]), float(GRACE)), np.zeros(len(t1[0]))))
     nothing = np.zeros(rows.shape[1])
     nothing[[0, 4]], nothing[-1] = 1.0, np.nan
     empty = np.flatnonzero(t0[0][1:] - t1[0][:-1] > 2 * float(GRACE))
     gaps = [tuple(Fraction(t[0][i]) + Fraction(t[1][i]) + reference for t, i in ((until, e), (past, e + 1))) for e in empty]
-    starts = tuple(np.insert(serve, empty + 1, rest[empty]) for serve, rest in zip(past, pause, strict=True))
+    shift = np.where(late, float(HANDOVER), 0.0)
+    shift[empty + 1] = -float(GRACE)
+    serve = doubles.add(past, (shift, np.zeros(len(shift))))
+    starts = tuple(np.insert(own, empty + 1, rest[empty]) for own, rest in zip(serve, pause, strict=True))
     return starts, np.insert(rows, empty + 1, nothing, axis=0), gaps  # pyright: ignore[reportReturnType]
 
 
@@ -215,21 +232,25 @@ def _measured(intervals: Intervals, t0: doubles.Pair, t1: doubles.Pair) -> tuple
     )
 
 
-def _notes(
-    used: list[CkSegment],
-    gaps: list[tuple[Fraction, Fraction]],
-    asked: tuple[Fraction | None, Fraction | None],
-    bounds: tuple[Fraction, Fraction],
-) -> tuple[str, ...]:
+def _notes(used: list[CkSegment], gaps: list[tuple[Fraction, Fraction]]) -> tuple[str, ...]:
     notes = [f"gap: {span_text(*gap)}" for gap in gaps[:20]]
     notes += [f"{len(gaps)} gaps in all"] if gaps else []
-    short = [b for a, b in zip(asked, bounds, strict=True) if a is not None and a != b]
-    notes += [f"the data cover {span_text(*bounds)} of the span asked for"] if short else []
     notes += [f"{s.describe()} has no angular velocities: they are estimated from its attitudes" for s in used if not s.has_rates]
     return tuple(notes)
 
 
-def _nothing(of: dict[str, Any], low: Fraction | None, high: Fraction | None, begins: np.ndarray, ends: np.ndarray) -> str:
-    have = "; ".join(span_text(Fraction(a), Fraction(b)) for a, b in sorted(zip(begins.tolist(), ends.tolist(), strict=True))[:5])
-    asked = span_text(low, high) if low is not None and high is not None else "all there is"
-    return f"The C-kernels loaded hold nothing of {of['name']} in the span asked for.\n  have:    {have}\n  asked:   {asked}"
+def _covered(t0: doubles.Pair, t1: doubles.Pair) -> list[Span]:
+    """Return the spans that intervals cover, merged where they touch."""
+    breaks = np.flatnonzero(t0[0][1:] - t1[0][:-1] > 2 * float(GRACE))
+    first, last = [0, *(breaks + 1)], [*breaks, len(t0[0]) - 1]
+    exact = lambda pair, i: Fraction(pair[0][i]) + Fraction(pair[1][i])  # noqa: E731
+    return [(exact(t0, a), exact(t1, b)) for a, b in zip(first, last, strict=True)]
+
+
+def _uncovered(
+    of: dict[str, Any], have: list[Span], low: Fraction | None, high: Fraction | None, begins: np.ndarray, ends: np.ndarray
+) -> CoverageError:
+    """Return the error for data that do not cover the ends of a span; without any in it, those elsewhere are named."""
+    have = have or sorted((Fraction(a), Fraction(b)) for a, b in zip(begins.tolist(), ends.tolist(), strict=True))
+    asked = (have[0][0] if low is None else low, have[-1][1] if high is None else high)
+    return uncovered(f"orientation of {of['name']} (C-kernels)", have, open_ends(have, asked), asked)

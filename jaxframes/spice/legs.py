@@ -11,6 +11,8 @@ from jax import lax
 from jaxframes.numerics.boundary import default_float
 from jaxframes.spice.times import split
 
+RESOLVED = 2.0**-18
+"""Seconds that two float32 tell apart, thirty years from J2000."""
 LOW_TERMS = 6
 """Terms of each series that float32 tables hold in two parts."""
 
@@ -109,12 +111,24 @@ def to_leg(arrays: dict[str, np.ndarray], series: int, compares: int, dtype: Any
     first = jnp.asarray(arrays["first"].astype(dtype)) if "first" in arrays else None
     ends = None
     if "ends" in arrays:
-        ends = jnp.asarray(np.stack(split(arrays["ends"][:, 0], arrays["ends"][:, 1], dtype), 1))
+        ends = jnp.asarray(np.stack(_ends(arrays["ends"][:, 0], arrays["ends"][:, 1], dtype), 1))
     rest = None
     if low and dtype == np.float32:
         at = two_part_columns(rows.shape[1], series)
         rest = jnp.asarray((arrays["rows"][:, at] - rows[:, at].astype(np.float64)).astype(dtype))
     return Leg(jnp.asarray(rows), jnp.asarray(grid), first, ends, series, compares, rest)
+
+
+def _ends(high: np.ndarray, low: np.ndarray, dtype: np.dtype) -> tuple[np.ndarray, np.ndarray]:
+    """Return ends of records in two parts of a dtype; in float32 the next one that its epochs can tell from the instants before.
+
+    An end may lie a nanosecond after the instant at which a segment ends, which still belongs to it.
+    """
+    if dtype != np.float64:
+        steps = np.ceil(high / RESOLVED)
+        steps += (steps * RESOLVED == high) & (low > 0)
+        high, low = steps * RESOLVED, np.zeros_like(low)
+    return split(high, low, dtype)
 
 
 def two_part_columns(width: int, series: int) -> np.ndarray:

@@ -94,6 +94,29 @@ def _directory(process: KernelProcess, segment: Segment) -> tuple[np.ndarray, in
     return epochs, int(window)
 
 
+def node_grid(process: KernelProcess, segment: Segment) -> tuple[Fraction, Fraction] | None:
+    """Return an instant at which the interpolant of a segment of nodes changes, and the step between these; None for uneven nodes.
+
+    Args:
+        process: Where the segment is loaded.
+        segment: A segment of type 8, 9, 12, 13 or 18.
+    """
+    if segment.type == 18:
+        doing = f"reading {segment.describe()}"
+        kind, window, count = (int(x) for x in process.call("words", segment.handle, segment.last - 2, segment.last, doing=doing))
+        place = segment.first + (6 if kind else 12) * count
+        if not 0 <= kind <= 1 or not 0 < window <= count or place + count > segment.last:
+            return None
+        epochs = np.asarray(process.call("words", segment.handle, place, place + count - 1, doing=doing), float)
+    else:
+        epochs, window = _directory(process, segment)
+    step = (epochs[-1] - epochs[0]) / max(len(epochs) - 1, 1)
+    if step <= 0 or np.abs(epochs - (epochs[0] + step * np.arange(len(epochs)))).max() > min(1e-6, 1e-7 * step):
+        return None
+    exact = Fraction(float(epochs[-1] - epochs[0])) / (len(epochs) - 1)
+    return Fraction(float(epochs[0])) + (exact / 2 if window % 2 else 0), exact
+
+
 def _windows(epochs: np.ndarray, window: int) -> tuple[np.ndarray, np.ndarray]:
     """Return where each polynomial starts to serve, and the first node of its window (SPICE's choice: spkr08, spkr09)."""
     count, half = len(epochs), (window - 1) // 2

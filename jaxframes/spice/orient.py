@@ -9,16 +9,16 @@ import numpy as np
 
 from jaxframes.errors import NoPathError
 from jaxframes.numerics.boundary import default_float
-from jaxframes.spatial import Rotation, Transform
-from jaxframes.spice import build, fit_turns, knots
-from jaxframes.spice.classes import CK, CLASSES, DYNAMIC, PCK, SWITCH, TK, anchored
+from jaxframes.spice import build, fit_turns, knots, measure
+from jaxframes.spice.fixed import FixedFrame, turned
+from jaxframes.spice.frame_classes import CK, CLASSES, DYNAMIC, PCK, SWITCH, TK, anchored
 from jaxframes.spice.iau_read import has_text_pck, model_axes, no_data, text_pck
 from jaxframes.spice.paths import orientation_pieces
-from jaxframes.spice.search import Tolerance
 from jaxframes.spice.tables import OrientationTable
-from jaxframes.spice.times import Instant
+from jaxframes.spice.timeless import timeless_info
+from jaxframes.spice.times import Instant, reference_day
+from jaxframes.spice.tolerance import Tolerance, checked_layout, checked_tolerance
 from jaxframes.tree.edges.base import Edge
-from jaxframes.tree.edges.rigid import Fixed
 
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
@@ -55,7 +55,7 @@ Maker = Callable[["Kernels", Request], Edge]
 def orientation(kernels: "Kernels", request: Request) -> Any:
     """Return the edge that orients a frame, which knows the body that the frame belongs to; errors as those of its maker."""
     edge = _made(kernels, request)
-    return edge if isinstance(edge, Fixed) else edge.replace(info=replace(edge.info, center=request.of["center"]))
+    return edge.replace(info=replace(edge.info, center=request.of["center"]))
 
 
 def _made(kernels: "Kernels", request: Request) -> Any:
@@ -63,14 +63,17 @@ def _made(kernels: "Kernels", request: Request) -> Any:
 
     Raises:
         NoPathError: If there is no way for this class, or ``relative_to`` turns against it.
+        ToleranceError: If the tolerance is none, or a layout is asked for without one.
     """
     of, base = request.of, request.base
+    checked_layout(request.layout, checked_tolerance(request.tolerance) is not None)
     of_anchor, base_anchor = anchored(kernels, of), anchored(kernels, base)
     if of_anchor.axes["id"] == base_anchor.axes["id"] or (of_anchor.inertial and base_anchor.inertial):
         middle = kernels._process.call(
             "rotation", of_anchor.axes["name"], base_anchor.axes["name"], doing=f"rotating {of['name']} to {base['name']}"
         )
-        return Fixed(_fixed_pose(base_anchor.matrix.T @ np.array(middle) @ of_anchor.matrix))
+        pose = turned(quaternion(base_anchor.matrix.T @ np.array(middle) @ of_anchor.matrix))
+        return FixedFrame(pose, timeless_info(kernels, request, "fixed", "constant rotation"))
     if request.tolerance is not None:
         return fit_turns.orientation(kernels, request)
     if of["class"] in (DYNAMIC, SWITCH):
@@ -124,17 +127,14 @@ def binary_pck(kernels: "Kernels", request: Request) -> OrientationTable:
     rotation = kernels._rotation(pieces[0].segment, base["name"])
     leg, _ = kernels._join([(piece, None) for piece in pieces], 1, bounds[0])
     names = (of["name"], of["id"], base["name"], base["id"], base["name"])
-    placement = jnp.asarray(quaternion(np.eye(3) if rotation is None else rotation), default_float())
-    return kernels._table(OrientationTable, "orientation", names, bounds, [build.unwound(leg)], pieces, placement=placement)
+    placement, leg = quaternion(np.eye(3) if rotation is None else rotation), build.unwound(leg)
+    facts = {"measured": measure.angles(kernels, of["name"], base["name"], leg, placement, reference_day(bounds[0]), bounds)}
+    placed = jnp.asarray(placement, default_float())
+    return kernels._table(OrientationTable, "orientation", names, bounds, [leg], pieces, facts, placement=placed)
 
 
 MAKERS: dict[int, Maker] = {PCK: pck}
 """Class of a frame -> the function that makes its edge."""
-
-
-def _fixed_pose(matrix: np.ndarray) -> Transform:
-    rotation = Rotation(jnp.asarray(quaternion(matrix), default_float()))
-    return Transform(rotation, jnp.zeros(3, default_float()))
 
 
 def quaternion(matrix: np.ndarray) -> np.ndarray:

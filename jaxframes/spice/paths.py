@@ -8,12 +8,32 @@ from jaxframes.spice.segments import Piece, Segment, coverage, select
 from jaxframes.spice.times import span_text
 
 Name = Callable[[int], str]
+Span = tuple[Fraction, Fraction]
 
 
 class Walk:
-    """The way from a body to the centres of its segments, as far as the kernels go over a whole span."""
+    """The way from a body to the centres of its segments, as far as the kernels go over a whole span.
 
-    def __init__(self, body: int, segments: Sequence[Segment], start: Fraction, stop: Fraction, name: Name):
+    Attributes:
+        bodies: The bodies, link by link.
+        legs: The pieces of segments of each link; none for a link over centres that change.
+        shortfall: Why the way ends before the span does, if it does.
+    """
+
+    def __init__(self, body: int, segments: Sequence[Segment], start: Fraction, stop: Fraction, name: Name, meet: bool = False):
+        """Walk.
+
+        Args:
+            body: Where to start.
+            segments: Those of all bodies, in order of loading.
+            start: Start of the span.
+            stop: End of the span.
+            name: Names a body.
+            meet: Whether to go on, where a body has several centres over the span, from the nearest body that they all hang on.
+
+        Raises:
+            NoPathError: If a body has several centres, unless they are to meet and do; or the segments run in a circle.
+        """
         self.bodies = [body]
         self.legs: list[list[Piece]] = []
         self.shortfall: CoverageError | None = None
@@ -27,11 +47,16 @@ class Walk:
                 return
             centers = {piece.segment.center for piece in pieces}
             if len(centers) > 1:
-                listed = ", ".join(sorted(name(c) for c in centers))
-                raise NoPathError(
-                    f"The position of {name(self.bodies[-1])} is relative to several bodies ({listed}) between {span_text(start, stop)}: "
-                    "make one table for each part of the span."
-                )
+                ways = [Walk(c, segments, start, stop, name, meet).bodies for c in sorted(centers)] if meet else []
+                common = next((b for b in ways[0] if all(b in way for way in ways)), None) if ways else None
+                if common is None:
+                    listed = ", ".join(sorted(name(c) for c in centers))
+                    raise NoPathError(
+                        f"The position of {name(self.bodies[-1])} is relative to several bodies ({listed}) between "
+                        f"{span_text(start, stop)}: make one table for each part of the span, or give "
+                        "tolerance=jf.spice.Tolerance(position=..., velocity=...) to have one fitted."
+                    )
+                centers, pieces = {common}, []
             center = centers.pop()
             if center in self.bodies:
                 raise NoPathError(f"The segments loaded run in a circle: {self.text(name)}, {name(center)}.")
@@ -121,9 +146,23 @@ def shortfall(
     what: str, own: Sequence[Segment], gaps: Sequence[tuple[Fraction, Fraction]], start: Fraction, stop: Fraction
 ) -> CoverageError:
     """Return the error that says what is covered, what was asked, and what is missing."""
-    have = "; ".join(span_text(*span) for span in coverage(own))
+    return uncovered(what, coverage(own), gaps, (start, stop))
+
+
+def uncovered(what: str, have: Sequence[Span], gaps: Sequence[Span], asked: Span, reason: str = "") -> CoverageError:
+    """Return the error that says what is covered, what was asked, and what is missing; and what CSPICE says of it."""
+    held = "; ".join(span_text(*span) for span in have[:5]) or "nothing"
     missing = "; ".join(span_text(*gap) for gap in gaps[:3])
+    says = f"\n  reason:  {reason}" if reason else ""
     return CoverageError(
-        f"The kernels loaded do not cover the {what} over the span asked for.\n  have:    {have}\n  asked:   {span_text(start, stop)}\n"
-        f"  missing: {missing}\nShorten the span, or load a kernel that covers it."
+        f"The kernels loaded do not cover the {what} over the span asked for.\n  have:    {held}\n  asked:   {span_text(*asked)}\n"
+        f"  missing: {missing}{says}\nShorten the span, or load a kernel that covers it."
     )
+
+
+def open_ends(have: Sequence[Span], asked: Span) -> list[Span]:
+    """Return what spans in time order leave out at the ends of another; not what they leave out between."""
+    inside = [(max(a, asked[0]), min(b, asked[1])) for a, b in have if b > asked[0] and a < asked[1]]
+    if not inside:
+        return [asked]
+    return [gap for gap in ((asked[0], inside[0][0]), (inside[-1][1], asked[1])) if gap[1] > gap[0]]

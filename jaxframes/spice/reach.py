@@ -1,22 +1,22 @@
 """How far the kernels orient a frame: the coverage of all that it hangs on, as far as that is said without asking at instants."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jaxframes.errors import NoPathError
-from jaxframes.spice.classes import CK, DYNAMIC, PCK, SWITCH, anchored
 from jaxframes.spice.clock import clock_of
+from jaxframes.spice.frame_classes import CK, DYNAMIC, INERTIAL, PCK, SWITCH, anchored
 from jaxframes.spice.knots import serving
+from jaxframes.spice.paths import Span
 from jaxframes.spice.segments import coverage
 
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
 
-SHRINK = Fraction(1, 10**6)  # seconds off both ends of a C-kernel's windows, which CSPICE rounds
-Span = tuple[Fraction, Fraction]
+ROUNDED = Fraction(1, 10**6)  # seconds at both ends of a C-kernel's windows where CSPICE, which rounds them, may have no answer
 
 
 @dataclass(frozen=True)
@@ -27,17 +27,20 @@ class Reach:
         spans: Where there are data, in time order; None where nothing is known to limit it.
         files: The binary kernels that hold the data.
         whole: Whether these are all that CSPICE reads for it.
+        rounded: Whether CSPICE rounds the ends of the spans: those of C-kernels.
     """
 
     spans: list[Span] | None
     files: tuple[Path, ...]
     whole: bool
+    rounded: bool = False
 
     def both(self, other: "Reach") -> "Reach":
         """Return where two frames are oriented."""
         known = [r.spans for r in (self, other) if r.spans is not None]
         spans = None if not known else known[0] if len(known) == 1 else overlap(*known)
-        return Reach(spans, tuple(dict.fromkeys([*self.files, *other.files])), self.whole and other.whole)
+        files = tuple(dict.fromkeys([*self.files, *other.files]))
+        return Reach(spans, files, self.whole and other.whole, self.rounded or other.rounded)
 
 
 def reach(kernels: "Kernels", axes: dict[str, Any]) -> Reach:
@@ -61,25 +64,25 @@ def reach(kernels: "Kernels", axes: dict[str, Any]) -> Reach:
     spans: list[Span] = []
     for file in files:
         found = kernels._process.call("ck_windows", str(file), axes["class_id"], True, doing=f"reading the coverage of {file.name}")
-        spans += [(Fraction(a) + SHRINK, Fraction(b) - SHRINK) for a, b in found]
+        spans += [(Fraction(a), Fraction(b)) for a, b in found]
     if not spans:
         raise NoPathError(
             f"The C-kernels of {axes['name']} hold no angular velocities, and without them CSPICE has no rates to fit. "
             "Types 1 to 3 need no fit: leave tolerance= out."
         )
-    made = Reach(merged(spans), files, True)
+    made = Reach(merged(spans), files, True, True)
     bases = {s.frame for s in segments}
     below = [kernels._process.call("frame", str(base), doing=f"looking up frame {base}") for base in sorted(bases)]
     if len(below) == 1 and below[0] is not None:
         return made.both(reach(kernels, below[0]))
-    return Reach(made.spans, files, all(base is not None and base["class"] == 1 for base in below))
+    return replace(made, whole=all(base is not None and base["class"] == INERTIAL for base in below))
 
 
 def merged(spans: Sequence[Span]) -> list[Span]:
     """Return spans in time order, those joined that touch."""
     out: list[Span] = []
     for a, b in sorted(spans):
-        if out and a <= out[-1][1] + 2 * SHRINK:
+        if out and a <= out[-1][1] + 2 * ROUNDED:
             out[-1] = (out[-1][0], max(b, out[-1][1]))
         else:
             out.append((a, b))

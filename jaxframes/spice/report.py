@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from jaxframes.spice.host import derivatives
 from jaxframes.spice.info import Info
 from jaxframes.spice.legs import Leg, from_leg
-
-UNITS = {"translation": ("m", "m/s", "m/s2"), "orientation": ("rad", "rad/s", "rad/s2")}
+from jaxframes.spice.tolerance import UNITS
 
 
 def report(info: Info, legs: Sequence[Leg], jumps: bool = True, more: int = 0) -> str:
@@ -53,29 +53,10 @@ def record_jumps(leg: Leg) -> tuple[float, float, float] | None:
         return None
     left, right = rows[:-1], rows[1:]
     instant = left[:, -3] + left[:, -1]
-    ends = [_derivatives(leg, side, ((instant - side[:, -3]) + (left[:, -2] - side[:, -2])) / side[:, -1]) for side in (left, right)]
+    ends = [derivatives(side, leg.series, ((instant - side[:, -3]) + (left[:, -2] - side[:, -2])) / side[:, -1]) for side in (left, right)]
     jumps = [a - b for a, b in zip(*ends, strict=True)]
     turn = 2 * np.pi
     if np.abs(jumps[0]).max() > turn / 2 and np.abs(ends[0][0]).max() < 4 * turn:
         jumps[0] = jumps[0] - turn * np.round(jumps[0] / turn)
     first, second, third = (float(np.linalg.norm(jump, axis=1).max()) for jump in jumps)
     return first, second, third
-
-
-def _derivatives(leg: Leg, rows: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return value, first and second derivative [n, 3] of one record a row, at one argument a row."""
-    n = len(rows)
-    coefficients = rows[:, :-3].reshape(n, leg.terms, leg.series).transpose(1, 2, 0)
-    radius = rows[:, -1]
-    position, rate = coefficients[:, :3], coefficients[:, 3:] if leg.series == 6 else None
-    out = [_value(position, s)]
-    if rate is None:
-        rate = np.polynomial.chebyshev.chebder(position) / radius
-    out.append(_value(rate, s))
-    out.append(_value(np.polynomial.chebyshev.chebder(rate) / radius, s))
-    return tuple(out)
-
-
-def _value(coefficients: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """Return series ``[terms, 3, n]`` at arguments ``[n]`` as ``[n, 3]``."""
-    return np.polynomial.chebyshev.chebval(s, coefficients, tensor=False).T

@@ -2,9 +2,10 @@
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,9 @@ from jaxframes.errors import BadKernelError, NoPathError
 from jaxframes.spice.process import KernelProcess
 
 CHEBYSHEV_TYPES = {"SPK": (2, 3), "PCK": (2,)}
+HANDOVER = Fraction(1, 2**30)
+"""So long, a nanosecond, does a segment serve past its end where another follows that would not serve that instant in SPICE: long enough
+for epochs whose two parts are not rounded to each other, and within the spacing of SPICE's own epochs."""
 MOST = 1e15  # km, km/s or rad: a number beyond it (a hundred light years) is damage
 
 
@@ -86,11 +90,17 @@ def damaged(segment: Segment, damage: str) -> BadKernelError:
 
 @dataclass(frozen=True)
 class Piece:
-    """A segment in the part of a span that it serves."""
+    """A segment in the part of a span that it serves; of two that meet, the one of higher rank serves the instant at which they do."""
 
     segment: Segment
     start: Fraction
     stop: Fraction
+    rank: int = 0
+
+
+def handed_over(pieces: Sequence[Piece]) -> list[bool]:
+    """Return for each of consecutive pieces whether its first instant belongs to the one before: SPICE takes segments as closed."""
+    return [False, *(a.rank > b.rank and a.stop == b.start for a, b in pairwise(pieces))]
 
 
 @dataclass(frozen=True)
@@ -107,6 +117,7 @@ class Records:
         stop: Instant up to which the last one serves.
         inner: Instants between the records where these are of unequal length; None where they are ``step`` long.
         apart: By how much SPICE's own velocities differ from the derivatives of its positions, m/s.
+        late: Whether the instant ``start`` itself belongs to the records before.
     """
 
     coefficients: np.ndarray
@@ -118,25 +129,27 @@ class Records:
     stop: Fraction
     inner: tuple[Fraction, ...] | None = None
     apart: float = 0.0
+    late: bool = False
 
     def starts(self) -> list[Fraction]:
         """Return the exact instant from which each record serves."""
+        start = self.start + (HANDOVER if self.late else 0)
         if self.inner is not None:
-            return [self.start, *self.inner]
-        return [self.start, *(self.origin + i * self.step for i in range(1, len(self.middle)))]
+            return [start, *self.inner]
+        return [start, *(self.origin + i * self.step for i in range(1, len(self.middle)))]
 
 
 def select(segments: Iterable[Segment], start: Fraction, stop: Fraction) -> tuple[list[Piece], list[tuple[Fraction, Fraction]]]:
     """Return which segment serves which part of a span, in time order, and the gaps that none serves.
 
     Args:
-        segments: Segments of one body, in order of loading; as in SPICE the last one that covers an instant wins.
+        segments: Segments of one body, in order of loading; as in SPICE the last one that covers an instant wins, both ends included.
         start: Start of the span.
         stop: End of the span.
     """
     pieces: list[Piece] = []
     gaps = [(start, stop)]
-    for segment in reversed(list(segments)):
+    for rank, segment in reversed(list(enumerate(segments))):
         begin, end = Fraction(segment.begin), Fraction(segment.end)
         left: list[tuple[Fraction, Fraction]] = []
         # Few of the gaps touch a segment: there may be thousands of both.
@@ -147,13 +160,23 @@ def select(segments: Iterable[Segment], start: Fraction, stop: Fraction) -> tupl
             if low == high and a < b:
                 left.append((a, b))
                 continue
-            pieces.append(Piece(segment, low, high))
+            pieces.append(Piece(segment, low, high, rank))
             left += [(a, low)] if a < low else []
             left += [(high, b)] if high < b else []
         gaps[i:j] = left
         if not gaps:
             break
     return sorted(pieces, key=lambda piece: piece.start), gaps
+
+
+def late_instants(segments: Iterable[Segment], start: Fraction, stop: Fraction) -> set[Fraction]:
+    """Return the instants within a span at which a segment hands over its last instant not to the one that follows it."""
+    listed = list(segments)
+    found = set[Fraction]()
+    for body in {s.body for s in listed}:
+        pieces, _ = select([s for s in listed if s.body == body], start, stop)
+        found |= {piece.start for piece, late in zip(pieces, handed_over(pieces), strict=True) if late}
+    return found
 
 
 def coverage(segments: Iterable[Segment]) -> list[tuple[Fraction, Fraction]]:

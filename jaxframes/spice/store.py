@@ -23,16 +23,17 @@ import numpy as np
 from jaxframes.errors import FrameError, TableError
 from jaxframes.numerics.boundary import default_float
 from jaxframes.spice.attitude import AttitudeTable, CayleyTable
+from jaxframes.spice.fixed import FixedFrame
 from jaxframes.spice.iau import IauOrientation
 from jaxframes.spice.info import Info
 from jaxframes.spice.legs import from_leg, to_leg
 from jaxframes.spice.tables import OrientationTable, Table, TranslationTable
 from jaxframes.spice.times import pairs
 
-Storable: TypeAlias = Table | IauOrientation
-SCHEMA = 2
-READABLE = (1, 2)
-"""Schemas that ``load`` reads. 2 adds kinds of tables and what their reports say; everything of 1 is as it was."""
+Storable: TypeAlias = Table | IauOrientation | FixedFrame
+SCHEMA = 3
+READABLE = (1, 2, 3)
+"""Schemas that ``load`` reads. 2 adds kinds of tables and what their reports say, 3 fixed frames; everything older is as it was."""
 MARK = b"jaxframes tables, sha256 of all before this: "
 
 
@@ -51,7 +52,10 @@ KINDS = {
     "knots": Kind(AttitudeTable, static=("mode",)),
     "cayley": Kind(CayleyTable, ("spins",)),
     "iau": Kind(IauOrientation),
+    "fixed": Kind(FixedFrame),
 }
+MODELS = (IauOrientation, FixedFrame)
+"""Edges that hold at every instant and store themselves."""
 STAMP = (1980, 1, 1, 0, 0, 0)
 HEADER = {"format": "jaxframes tables", "scale": "TDB", "units": {"length": "m", "angle": "rad", "time": "s"}}
 
@@ -175,7 +179,7 @@ def _archive(tables: Mapping[str, Storable]) -> bytes:
 
 
 def _write_table(archive: zipfile.ZipFile, folder: str, table: Storable) -> dict[str, Any]:
-    if isinstance(table, IauOrientation):
+    if isinstance(table, MODELS):
         arrays = table.to_arrays()
         for name, array in arrays.items():
             _write_array(archive, f"{folder}/{name}.npy", array)
@@ -210,8 +214,8 @@ def _table(archive: zipfile.ZipFile, name: str, entry: dict[str, Any]) -> Storab
     if info.kind not in KINDS:
         raise TableError(f"table {name!r} is of the unknown kind {info.kind!r}")
     kind = KINDS[info.kind]
-    if kind.table is IauOrientation:
-        return IauOrientation.from_arrays({n: _read_array(archive, file) for n, file in entry["arrays"].items()}, info)
+    if kind.table in MODELS:
+        return kind.table.from_arrays({n: _read_array(archive, file) for n, file in entry["arrays"].items()}, info)
     legs = tuple(
         to_leg({n: _read_array(archive, file) for n, file in leg["arrays"].items()}, leg["series"], leg["compares"], low=has_low(info.kind))
         for leg in entry["legs"]

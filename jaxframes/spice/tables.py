@@ -58,7 +58,8 @@ class Table(Edge):
 
     def add_to_tree(self, builder: Any, *, body: str | int, frame: str | int | None, tables: Any = None) -> str:
         """Find or add the frame of a body in a builder, from these tables; see ``TreeBuilder.add_spice``."""
-        from jaxframes.spice.places import TableSource, place
+        from jaxframes.spice.places import place
+        from jaxframes.spice.table_source import TableSource
 
         return place(builder, TableSource(tables or [self]), body, frame)
 

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jaxframes.errors import NoPathError
-from jaxframes.spice import build, compose, fit
+from jaxframes.spice import build, compose, fit, measure
 from jaxframes.spice.info import EXTRACTION
 from jaxframes.spice.paths import translation_legs
-from jaxframes.spice.search import Tolerance
 from jaxframes.spice.segments import Piece, Segment
 from jaxframes.spice.tables import TranslationTable
 from jaxframes.spice.times import Instant, reference_day
+from jaxframes.spice.tolerance import Tolerance, checked_layout, checked_size, checked_tolerance
 
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
@@ -52,8 +52,11 @@ def translation(kernels: "Kernels", request: Request) -> TranslationTable:
     axes = kernels._inertial(request.frame, "frame")["name"]
     bounds = kernels._span(request.start, request.stop, "SPK", (of, relative))
     names = (kernels._name(of), of, kernels._name(relative), relative, axes)
-    if request.tolerance is not None or request.size is not None or correction != "NONE":
-        return fit.translation(kernels, names, bounds, request.tolerance, request.size, request.layout, correction)
+    tolerance, size = checked_tolerance(request.tolerance), checked_size(request.size)
+    fitted = tolerance is not None or size is not None
+    layout = checked_layout(request.layout, fitted or correction != "NONE")
+    if fitted or correction != "NONE":
+        return fit.translation(kernels, names, bounds, tolerance, size, layout, correction)
     found = extracted(kernels, of, relative, axes, bounds)
     facts: dict[str, Any] = {"notes": found.notes}
     reference = reference_day(bounds[0])
@@ -62,6 +65,7 @@ def translation(kernels: "Kernels", request: Request) -> TranslationTable:
         facts["method"] = f"{EXTRACTION}, {len(found.legs)} legs composed in double-double"
     else:
         legs = [build.in_metres(leg) for leg in build.combine(found.legs)]
+    facts["measured"] = measure.positions(kernels, of, relative, axes, legs, reference, bounds)
     return kernels._table(TranslationTable, "translation", names, bounds, legs, found.pieces, facts)
 
 

@@ -227,6 +227,16 @@ class Reader:
             rotations[i], rates[i] = matrix.T, rate
         return rotations, rates
 
+    def attitudes(self, frame: str, relative_to: str, times: Any) -> Any:
+        """Return what ``turns_where`` does; where CSPICE has a rotation but no rate, that alone."""
+        rotations, rates = self.turns_where(frame, relative_to, times)
+        for i in self.numpy.flatnonzero(~self.numpy.isfinite(rotations).all((1, 2))):
+            try:
+                rotations[i] = self.spice.pxform(frame, relative_to, float(times[i]))
+            except self.spice.exceptions.SpiceyError:
+                continue
+        return rotations, rates
+
     def ck_segments(self) -> list[dict[str, Any]]:
         """Return the segments of all C-kernels loaded, in order of loading; times are encoded ticks."""
         found = []

@@ -43,6 +43,28 @@ def test_integers_and_fractions_are_kept(dtype):
     assert abs(third - Fraction(825638469, 3)) < Fraction(1, 10**5 if dtype == np.float32 else 10**20)
 
 
+@pytest.mark.parametrize("hi", [820497601, 820497601.0, np.int64(820497601), np.float64(820497601.0), np.array(820497601.0)])
+def test_both_parts_given_are_kept(hi, dtype):
+    epoch = jf.Epoch.from_parts(hi, 0.5)
+    assert exact(epoch) == Fraction(1640995203, 2)
+    assert epoch.to_tdb() == "2026-01-01T00:00:01.500"
+    for made, text in (
+        (jf.Epoch.from_tt_parts(hi, 0.5), epoch.from_tt("2026-01-01T00:00:01.5")),
+        (jf.Epoch.from_tai_parts(hi, 0.5), epoch.from_tai("2026-01-01T00:00:01.5")),
+    ):
+        assert abs(exact(made) - exact(text)) < (1e-15 if dtype == np.float64 else 1e-5)
+    batch = jf.Epoch.from_tt_parts(np.array([820497601.0, 820497602.0]), np.array([[0.25], [0.5]]))
+    assert batch.shape == (2, 2)
+    assert abs(exact(batch[1, 1]) - exact(jf.Epoch.from_tt("2026-01-01T00:00:02.5"))) < 1e-5
+
+
+def test_parts_that_are_traced_are_summed(dtype):
+    hi, lo = jnp.asarray(2.0**25, dtype), jnp.asarray(0.25, dtype)
+    assert exact(jax.jit(jf.Epoch.from_parts)(hi, lo)) == 2**25 + Fraction(1, 4)
+    slopes = jax.grad(lambda a, b: jf.Epoch.from_parts(a, b) - jf.Epoch.from_et(0), (0, 1))(hi, lo)
+    assert [float(s) for s in slopes] == [1.0, 1.0]
+
+
 def test_batches_broadcast_and_index(dtype):
     epochs = jf.Epoch.from_tdb("2026-03-01") + np.arange(3.0)
     assert epochs.shape == (3,)

@@ -123,6 +123,39 @@ def test_batches_of_text():
     assert float(epochs[1, 1] - epochs[0, 0]) == pytest.approx(3 * 86400, abs=1e-3)
 
 
+def test_a_batch_reaches_the_device_at_once(rng, monkeypatch):
+    texts = random_texts(rng, 60)
+    alone = [jf.Epoch.from_utc(text) for text in texts]
+    made = []
+    original = jnp.asarray
+    monkeypatch.setattr(jnp, "asarray", lambda *a, **k: made.append(1) or original(*a, **k))
+    together = jf.Epoch.from_utc(np.array(texts).reshape(3, 20))
+    assert len(made) == 2
+    assert [exact(e) for e in together.reshape(60)] == [exact(e) for e in alone]
+
+
+@pytest.mark.parametrize("digits", [-1, 2.5, "3", None, True, 31])
+def test_decimals_that_cannot_be_written(digits):
+    epoch = jf.Epoch.from_utc("2026-03-01")
+    for write in (epoch.to_tdb, epoch.to_tt, epoch.to_tai, epoch.to_utc):
+        with pytest.raises(jf.FrameError, match="digits is how many decimals"):
+            write(digits)
+    assert epoch.to_utc(12) == "2026-03-01T00:00:00.000000000000" or epoch.dtype == np.float32
+
+
+def test_batches_that_are_none():
+    assert jf.Epoch.from_utc([]).shape == (0,)
+    assert jf.Epoch.from_tdb([[], []]).shape == (2, 0)
+    for ragged in (["2026-03-01", ["2026-03-02"]], [["2026-03-01"], []], [["2026-03-01"], ["2026-03-01", "2026-03-02"]]):
+        with pytest.raises(jf.FrameError, match="rows of a batch must be of one length"):
+            jf.Epoch.from_utc(ragged)
+    for bad in (["2026-03-01", None], [b"2026-03-01"], {"2026-03-01": 1}, 5):
+        with pytest.raises(jf.FrameError, match="TDB is read from calendar text"):
+            jf.Epoch.from_tdb(bad)
+    with pytest.raises(jf.FrameError, match=r"datetimes by Epoch\.from_datetime"):
+        jf.Epoch.from_utc(np.array(["2026-03-01"], "M8[s]"))
+
+
 @pytest.mark.parametrize("digits", [0, 1, 3])
 def test_rounding_over_the_end_of_a_day_and_of_a_leap_second(digits):
     last = jf.Epoch.from_utc("2016-12-31T23:59:60.9999")

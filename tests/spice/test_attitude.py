@@ -212,7 +212,7 @@ def test_thousands_of_segments_with_gaps_take_no_longer_each():
     def run(begin, end):
         one, nothing = np.ones(1), np.zeros((1, 3))
         segment = ck.CkSegment("x.bc", 1, -77000, 1, 3, True, begin, end, 1, 2, "ONE")
-        return segment, ck.Intervals(begin * one, end * one, np.array([[1.0, 0, 0, 0]]), nothing, nothing, nothing, one < 0)
+        return segment, ck.Intervals(begin * one, end * one, np.array([[1.0, 0, 0, 0]]), nothing, nothing, nothing, one < 0, 0 * one)
 
     runs = [run(100.0 * i, 100.0 * i + 60.0) for i in range(5000)]
     started = time.perf_counter()
@@ -274,13 +274,57 @@ def test_what_is_missing_is_named(tmp_path):
     with jf.spice.Kernels([clock, frame]) as kernels, pytest.raises(errors.NoPathError, match=r"No C-kernel segment for TESTCRAFT"):
         kernels.orientation(frame="TESTCRAFT")
     with jf.spice.Kernels([clock, frame, path]) as kernels:
-        with pytest.raises(errors.CoverageError, match=r"hold nothing of TESTCRAFT[\s\S]*have:    2026-01-01T00:00:00"):
+        with pytest.raises(
+            errors.CoverageError, match=r"orientation of TESTCRAFT[\s\S]*have:    2026-01-01T00:00:00[\s\S]*missing: 2027-01-01"
+        ):
             kernels.orientation(frame="TESTCRAFT", start="2027-01-01", stop="2027-01-02")
         with pytest.raises(errors.NoPathError, match="ck='linear'"):
             kernels.orientation(frame="TESTCRAFT", ck="linear")
-        edge = kernels.orientation(frame="TESTCRAFT", start=ORIGIN - 50.0, stop=ORIGIN + 50.0)
-    assert "the data cover 2026-01-01T00:00:00.000 .. 2026-01-01T00:00:50.000" in edge.report()
+        for start, stop, missing in (
+            (ORIGIN - 50.0, ORIGIN + 50.0, "2025-12-31T23:59:10.000 .. 2026-01-01T00:00:00.000"),
+            (ORIGIN + 50.0, ORIGIN + 150.0, "2026-01-01T00:01:40.000 .. 2026-01-01T00:02:30.000"),
+        ):
+            with pytest.raises(errors.CoverageError, match=rf"orientation of TESTCRAFT[\s\S]*asked:[\s\S]*missing: {missing}"):
+                kernels.orientation(frame="TESTCRAFT", start=start, stop=stop)
+        edge = kernels.orientation(frame="TESTCRAFT", start=ORIGIN, stop=ORIGIN + 50.0)
     assert edge.legs[0].rows.shape[0] == 5
+
+
+@pytest.mark.parametrize("fitted", [False, True])
+def test_a_gap_at_an_end_of_the_span_is_refused_and_one_within_kept(tmp_path, fitted):
+    knots = np.concatenate([np.arange(0, 101, 10.0), np.arange(200, 301, 10.0)])
+    path = orbits.pointing(tmp_path / "3.bc", 3, knots, *orbits.slew(knots)[:2], starts=[0.0, 200.0])
+    how = {"tolerance": jf.spice.Tolerance(angle=1e-6)} if fitted else {}
+    with jf.spice.Kernels([*orbits.clock(tmp_path, ORIGIN), path]) as kernels:
+        for start, stop in ((-1.0, 250.0), (150.0, 250.0), (50.0, 150.0), (50.0, 301.0), (120.0, 180.0)):
+            with pytest.raises(errors.CoverageError, match=r"orientation of TESTCRAFT[\s\S]*have:[\s\S]*missing:"):
+                kernels.orientation(frame="TESTCRAFT", start=ORIGIN + start, stop=ORIGIN + stop, **how)
+        edge = kernels.orientation(frame="TESTCRAFT", start=ORIGIN + 50.0, stop=ORIGIN + 250.0, **how)
+    assert "gap: 2026-01-01T00:01:40" in edge.report()
+    assert (edge.info.start, edge.info.stop) == ("820497650", "820497850")
+
+
+@pytest.mark.parametrize("fitted", [False, True])
+@pytest.mark.parametrize("rate", [1.0, 1.00001])
+def test_the_first_and_the_last_instant_of_the_data_are_covered(tmp_path, cspice, dtype, fitted, rate):
+    knots = np.concatenate([np.arange(0, 101, 10.0), np.arange(200, 301, 10.0)])
+    path = orbits.pointing(tmp_path / "3.bc", 3, knots, *orbits.slew(knots)[:2], starts=[0.0, 200.0])
+    files = orbits.clock(tmp_path, ORIGIN + 0.123, rate)
+    how = {"tolerance": jf.spice.Tolerance(angle=1e-6)} if fitted else {}
+    with jf.spice.Kernels([*files, path]) as kernels:
+        edge = kernels.orientation(frame="TESTCRAFT", **how)
+        rows = kernels.coverage("TESTCRAFT").rows
+        again = kernels.orientation(frame="TESTCRAFT", start=rows[0][2], stop=rows[-1][3], **how)
+    for file in files:
+        cspice.furnsh(file)
+    ends = np.array([cspice.sct2e(-77, t * 65536.0) for t in (0.0, 100.0, 200.0, 300.0)])
+    assert np.asarray([(float(a), float(b)) for _, _, a, b, _ in rows]).reshape(-1).tolist() == ends.tolist()
+    for table in (edge, again):
+        assert np.asarray(table.coverage_code(jf.Epoch.from_et(ends))).tolist() == [0, 0, 0, 0]
+        turns = np.asarray(table.evaluate(jf.Epoch.from_et(ends), 0)[0], float)
+        assert angle(turns, orbits.slew(np.array([0.0, 100, 200, 300]))[0]) < 2e-6
+    outside = np.array([ends[0] - 1e-3, ends[1] + 1e-3, ends[2] - 1e-3, ends[3] + 1e-3])
+    assert np.asarray(edge.coverage_code(jf.Epoch.from_et(outside))).tolist() == [-1, 1, 1, 1]
 
 
 @pytest.mark.parametrize(("word", "value"), [(-1, 7.0), (-2, -1.0), (3, np.nan), (0, 50.0), (90, 1e12)])

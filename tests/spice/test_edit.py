@@ -1,5 +1,6 @@
 """Tables cut, merged, listed; files of an older schema."""
 
+import itertools
 from pathlib import Path
 
 import jax
@@ -107,6 +108,28 @@ def test_cut_and_merged_tables_are_what_they_were(craft, name):
         np.testing.assert_array_equal(a, b)
     assert again.legs[0].rows.shape == whole.legs[0].rows.shape
     assert (again.info.start, again.info.stop) == ends
+
+
+@pytest.mark.parametrize("name", ["orbit", "knots", "spice", "fitted"])
+def test_parts_that_lie_within_one_record_merge(craft, name):
+    whole = craft[name]
+    cuts = [None, 301.0, 302.0, 302.5, 303.0, 470.0, 471.0, None]
+    parts = [jf.spice.crop(whole, a, b) for a, b in itertools.pairwise(cuts)]
+    again = jf.spice.merge(*parts)
+    times = np.sort(np.concatenate([np.random.default_rng(1).uniform(130, 1450, 40), cuts[1:-1], [302.2, 302.7, 470.5]]))
+    for a, b in zip(values(again, times), values(whole, times), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert again.legs[0].rows.shape == whole.legs[0].rows.shape
+    assert (again.info.start, again.info.stop) == (whole.info.start, whole.info.stop)
+
+
+def test_a_part_within_one_record_of_an_even_grid_merges(moon):
+    a, b = 820497600 + 864100.0, 820497600 + 864200.0
+    again = jf.spice.merge(jf.spice.crop(moon, stop=a), jf.spice.crop(moon, a, b), jf.spice.crop(moon, start=b))
+    equal(again.legs, moon.legs)
+    times = np.array([a - 1e6, a - 1, a, a + 50, b, b + 1, b + 1e6])
+    for x, y in zip(values(again, times), values(moon, times), strict=True):
+        np.testing.assert_array_equal(x, y)
 
 
 def test_uniform_records_stay_uniform_and_references_may_differ(kernels, dtype):

@@ -5,6 +5,8 @@ import pytest
 
 import jaxframes as jf
 from jaxframes.errors import CoverageError, NoPathError, ToleranceError
+from jaxframes.spice.fit_turns import TurnModel
+from jaxframes.spice.state_model import StateModel
 from tests.spice import orbits
 
 T = jf.spice.Tolerance
@@ -72,6 +74,32 @@ def test_a_size_is_kept_and_used(kernels, rng):
 
 
 @pytest.mark.float64
+@pytest.mark.parametrize("layout", ["uniform", "dyadic"])
+@pytest.mark.parametrize("size", [4_000, 20_000, 60_000])
+def test_a_size_is_kept_in_both_layouts(kernels, rng, layout, size):
+    edge = kernels.translation(target="MOON", center="EARTH", size=size, layout=layout, **SPAN)
+    assert 0.5 * size < edge.legs[0].bytes <= size
+    even = kernels.translation(target="MOON", center="EARTH", size=size, **SPAN)
+    worst = jf.spice.compare(kernels, edge, seconds(rng, 500)).value
+    assert worst <= 1.5 * measured(edge, "position error")
+    assert measured(edge, "position error") <= measured(even, "position error")
+    with pytest.raises(ToleranceError, match=r"MOON .*: \d+ bytes are needed, more than size=100"):
+        kernels.translation(target="MOON", center="EARTH", size=100, layout=layout, **SPAN)
+
+
+@pytest.mark.float64
+def test_dyadic_records_of_a_size_go_where_the_motion_is_fast(cspice, tmp_path, rng):
+    times = np.arange(0.0, 172800.1, 60.0)
+    path = orbits.nodes(tmp_path / "13.bsp", 13, orbits.MOLNIYA, times, 11)
+    with jf.spice.Kernels(path) as kernels:
+        even, uneven = (kernels.translation(target=-77, center=399, size=30_000, layout=layout) for layout in ("uniform", "dyadic"))
+        at = rng.integers(0, 172800 * 64, 1000) / 64
+        worst = [jf.spice.compare(kernels, edge, at).value for edge in (even, uneven)]
+    assert uneven.legs[0].bytes <= 30_000
+    assert worst[1] < worst[0] / 20
+
+
+@pytest.mark.float64
 def test_light_time_corrected_states(kernels, rng):
     edge = kernels.translation(
         target="MARS BARYCENTER", center="EARTH", correction="CN+S", tolerance=T(position=1e-2, velocity=1e-6), **SPAN
@@ -80,7 +108,7 @@ def test_light_time_corrected_states(kernels, rng):
     assert worst.value <= 1e-2
     assert worst.rate <= 1e-6
     assert "corrected: CN+S" in edge.report()
-    with pytest.raises(ToleranceError, match=r"no table meets 0.0001 and inf. The best reached is 0.00\d+ and"):
+    with pytest.raises(ToleranceError, match=r"no table meets 0.0001 m. The best reached is 0.00\d+ m and"):
         kernels.translation(target="MARS BARYCENTER", center="EARTH", correction="CN", tolerance=T(position=1e-4), **SPAN)
     once = kernels.translation(target="MARS BARYCENTER", center="EARTH", correction="LT", tolerance=T(position=2e-2), **SPAN)
     assert "fit of CSPICE's positions, LT" in once.report()
@@ -127,6 +155,73 @@ def test_what_cannot_be_fitted_says_so(kernels):
         T(position=-1.0)
     with pytest.raises(ToleranceError, match="at least one"):
         T()
+
+
+@pytest.mark.float64
+def test_why_cspice_has_no_orientation_is_passed_on(paths, tmp_path):
+    (tmp_path / "frames.tf").write_text(FRAMES)
+    leap = next(p for p in paths if p.endswith(".tls"))
+    with (
+        jf.spice.Kernels([leap, str(tmp_path / "frames.tf")]) as kernels,
+        pytest.raises(CoverageError, match=r"orientation of TESTGSE[\s\S]*reason:  CSPICE signalled SPICE\(NOLOADEDFILES\)"),
+    ):
+        kernels.orientation(frame="TESTGSE", tolerance=T(angle=1e-9), **JANUARY)
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """How many epochs CSPICE was asked about by fits: their cost, whatever the machine."""
+    counts = []
+    for model in (StateModel, TurnModel):
+        original = model.sample
+
+        def sample(self, times, original=original):
+            counts.append(len(times))
+            return original(self, times)
+
+        monkeypatch.setattr(model, "sample", sample)
+    return counts
+
+
+@pytest.mark.float64
+@pytest.mark.parametrize("layout", ["uniform", "dyadic"])
+def test_what_is_impossible_is_found_out_at_little_cost(kernels, asked, layout):
+    ten = {"start": "2026-01-01", "stop": "2036-01-01"}
+    with pytest.raises(ToleranceError, match=r"no table meets 1e-09 m and 1e-13 m/s. The best reached is .*e-07 m and .*e-13 m/s: what"):
+        kernels.translation(target="MOON", center="EARTH", tolerance=T(position=1e-9, velocity=1e-13), layout=layout, **ten)
+    assert sum(asked) < 60_000
+    asked.clear()
+    year = {"start": "2026-01-01", "stop": "2026-12-31"}
+    with pytest.raises(ToleranceError, match=r"no table meets 1e-15 rad and 1e-19 rad/s. The best reached is .*e-15 rad and .*e-18 rad/s"):
+        kernels.orientation(frame="ITRF93", tolerance=T(angle=1e-15, rate=1e-19), layout=layout, **year)
+    assert sum(asked) < 60_000
+
+
+@pytest.mark.parametrize("bad", [1.0, "1", (1.0, 1e-3), {"position": 1.0}])
+def test_what_is_no_tolerance(kernels, bad):
+    for make in (
+        lambda: kernels.translation(target="MOON", center="EARTH", tolerance=bad, **SPAN),
+        lambda: kernels.orientation(frame="ITRF93", tolerance=bad, **SPAN),
+    ):
+        with pytest.raises(ToleranceError, match=r"tolerance=.*: give jf\.spice\.Tolerance\(position="):
+            make()
+    for number in (True, "1", np.nan, np.inf, 0, -1, [1.0]):
+        with pytest.raises(ToleranceError, match="at least one"):
+            T(position=number)
+
+
+def test_layouts_and_sizes_that_mean_nothing(kernels):
+    for make in (
+        lambda layout: kernels.translation(target="MOON", center="EARTH", layout=layout, **SPAN),
+        lambda layout: kernels.orientation(frame="ITRF93", layout=layout, **SPAN),
+    ):
+        with pytest.raises(ToleranceError, match="layout='dyadic' is for fitted tables: give tolerance="):
+            make("dyadic")
+        with pytest.raises(ToleranceError, match="layout='square': records are 'uniform' or 'dyadic'"):
+            make("square")
+    for size in (0, -5, 1.5, "1000", True):
+        with pytest.raises(ToleranceError, match="give the most bytes"):
+            kernels.translation(target="MOON", center="EARTH", size=size, **SPAN)
 
 
 def test_two_parts_hold_the_moon_in_float32(kernels, cspice, rng, dtype):
@@ -218,6 +313,7 @@ TKFRAME_1500004_AXES = ( 1, 2, 3 )
 \\begintext
 """
 JANUARY = {"start": "2026-01-01", "stop": "2026-01-20"}
+SWITCHED = {"start": "2026-01-02", "stop": "2026-01-20"}  # from where on TESTSWITCH has data
 
 
 @pytest.fixture(scope="module")
@@ -244,7 +340,7 @@ def framed(paths, tmp_path_factory):
     [
         ("ITRF93", JANUARY, 1e-9, 1e-12, "uniform"),
         ("TESTGSE", JANUARY, 1e-10, 1e-14, "uniform"),
-        ("TESTSWITCH", JANUARY, 1e-9, 1e-12, "dyadic"),
+        ("TESTSWITCH", SWITCHED, 1e-9, 1e-12, "dyadic"),
         ("TESTCRAFT", {}, 1e-9, 1e-10, "uniform"),
     ],
 )
@@ -292,8 +388,10 @@ def test_orientations_that_cannot_be_fitted_say_so(framed):
         framed.orientation(frame="TESTCRAFT")
     with pytest.raises(CoverageError, match="TESTGSE has no coverage of its own"):
         framed.orientation(frame="TESTGSE", tolerance=T(angle=1e-9))
-    with pytest.raises(CoverageError, match="no orientation of TESTSWITCH"):
+    with pytest.raises(CoverageError, match=r"orientation of TESTSWITCH[\s\S]*have:    nothing[\s\S]*reason:  CSPICE.*NOFRAMECONNECT"):
         framed.orientation(frame="TESTSWITCH", start="2027-01-01", stop="2027-01-02", tolerance=T(angle=1e-9))
+    with pytest.raises(CoverageError, match=r"have:    2026-01-02[\s\S]*missing: 2026-01-01T00:00:00.000 .. 2026-01-02"):
+        framed.orientation(frame="TESTSWITCH", tolerance=T(angle=1e-9), **JANUARY)
     with pytest.raises(ToleranceError, match=r"ITRF93 .*no table meets 1e-16"):
         framed.orientation(frame="ITRF93", tolerance=T(angle=1e-16), start="2026-01-01", stop="2026-01-03")
     # CSPICE gives no rate to a frame of date that is declared inertial, while its axes precess.
@@ -325,7 +423,7 @@ def test_gaps_are_known_behind_fixed_offsets_and_on_both_sides(framed, rng):
         worst = jf.spice.compare(framed, edge, times)
         assert worst.value <= 1e-9
         assert worst.rate <= 1e-10
-    with pytest.raises(CoverageError, match=r"no orientation of TESTCAMERA[\s\S]*data:    2026-01-01T00:00:00"):
+    with pytest.raises(CoverageError, match=r"do not cover the orientation of TESTCAMERA[\s\S]*have:    2026-01-01T00:00:00"):
         framed.orientation(frame="TESTCAMERA", tolerance=T(angle=1e-9), start="2027-01-01", stop="2027-01-02")
 
 

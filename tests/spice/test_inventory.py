@@ -68,6 +68,32 @@ def test_coverage_with_a_gap_and_two_files(tmp_path, rng):
     assert "1500.0" in str(caught.value)
 
 
+def test_coverage_of_a_name_that_a_body_and_a_frame_go_by_and_of_ids(tmp_path, rng, paths):
+    origin = 820497600.0
+    knots = np.arange(0, 101, 10.0)
+    ck = orbits.pointing(tmp_path / "craft.bc", 3, knots, *orbits.slew(knots)[:2])
+    (tmp_path / "names.tf").write_text("KPL/FK\n\\begindata\nNAIF_BODY_NAME += 'TESTCRAFT'\nNAIF_BODY_CODE += -77000\n\\begintext\n")
+    spk = made.spk(
+        tmp_path / "craft.bsp", [(2, -77000, 399, "J2000", origin, origin + 500.0, origin, 100.0, made.coefficients(rng, 5, 3, 7))]
+    )
+    files = [*paths, *orbits.clock(tmp_path, origin), str(tmp_path / "names.tf"), ck]
+    with jf.spice.Kernels(files) as kernels:  # the name is a body's, of which there are no positions
+        assert [row[4] for row in kernels.coverage("testcraft")] == ["craft.bc"]
+        assert [row[4] for row in kernels.coverage(-77000)] == ["craft.bc"]
+        for frame in (13000, "13000", " itrf93 "):
+            assert [(row[0], row[1]) for row in kernels.coverage(frame)] == [(13000, "ITRF93")]
+        assert kernels.coverage(17).rows == ((17, "ECLIPJ2000", None, None, "built in"),)
+        assert kernels.coverage(10).rows[0][1] == "SUN"  # and not the frame DE-114 of that id
+        for nothing in ("", "  "):
+            with pytest.raises(errors.UnknownBodyError, match="is neither a body nor a frame"):
+                kernels.coverage(nothing)
+    with jf.spice.Kernels([*files, spk]) as kernels:
+        rows = kernels.coverage("TESTCRAFT").rows
+        assert [(row[0], row[1], row[4]) for row in rows] == [(-77000, "TESTCRAFT", "craft.bsp"), (-77000, "TESTCRAFT", "craft.bc")]
+        assert [float(row[3]) - origin for row in rows] == [500.0, 100.0]
+        assert [row[4] for row in kernels.coverage(-77000)] == ["craft.bsp"]
+
+
 def test_what_is_not_there(opened):
     with pytest.raises(errors.UnknownBodyError, match=r"'IAU_MRAS' is neither a body nor a frame.*'IAU_MARS'"):
         opened.coverage("IAU_MRAS")
@@ -89,7 +115,7 @@ def test_a_name_of_both_a_body_and_a_frame(tmp_path, rng):
         with pytest.raises(errors.CoverageError, match=r"No SPK segment of TESTCRAFT \(-77\)"):
             kernels.coverage(-77)
     with jf.spice.Kernels([clock, frame, names, ck, spk]) as kernels:
-        assert [row[4] for row in kernels.coverage("TESTCRAFT")] == ["craft.bsp"]
+        assert [row[4] for row in kernels.coverage("TESTCRAFT")] == ["craft.bsp", "craft.bc"]
     with jf.spice.Kernels([frame, ck]) as kernels, pytest.raises(errors.MissingKernelError, match="SCLK"):
         kernels.coverage("TESTCRAFT")
 

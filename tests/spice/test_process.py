@@ -105,3 +105,38 @@ def test_modules_beside_the_worker_do_not_shadow_others(tmp_path, paths, monkeyp
     (tmp_path / "numpy.py").write_text("raise RuntimeError('shadowed')")
     with jf.spice.Kernels(paths[1]):
         pass
+
+
+def long_folder(tmp_path, length):
+    """A folder whose whole name has about so many characters."""
+    folder = tmp_path
+    while len(str(folder)) + 61 < length:
+        folder = folder / ("x" * 60)
+    folder = folder / ("y" * max(length - len(str(folder)) - 1, 1))
+    folder.mkdir(parents=True)
+    return folder
+
+
+@pytest.mark.parametrize("length", [230, 245, 246, 260, 400, 900])
+def test_names_longer_than_cspice_takes(tmp_path, rng, cspice, length):
+    folder = long_folder(tmp_path, length)
+    name = made.spk(tmp_path / "craft.bsp", [(2, -77, 399, "J2000", 0.0, 500.0, 0.0, 100.0, made.coefficients(rng, 5, 3, 7))])
+    kernel = folder / "craft.bsp"
+    os.replace(name, kernel)
+    (folder / "names.tf").write_text("KPL/FK\n\\begindata\nNAIF_BODY_NAME += 'CRAFT'\nNAIF_BODY_CODE += -77\n\\begintext\n")
+    for paths in ([kernel, folder / "names.tf"], folder):
+        with jf.spice.Kernels(paths) as kernels:
+            edge = kernels.translation(target="CRAFT", center=399)
+            assert [row[4] for row in kernels.coverage("CRAFT")] == ["craft.bsp"]
+            links = kernels._names._folder
+        assert [source.name for source in edge.info.sources] == ["craft.bsp", "names.tf"]
+        assert (links is not None) == (length > 245)
+        assert links is None or not os.path.exists(links.name)
+
+
+def test_a_name_that_cannot_be_made_shorter_says_so(tmp_path, rng, monkeypatch):
+    folder = long_folder(tmp_path, 300)
+    (folder / "names.tf").write_text("KPL/FK\n\\begindata\nA = 1\n\\begintext\n")
+    monkeypatch.setattr("pathlib.Path.symlink_to", lambda *a, **k: (_ for _ in ()).throw(OSError("not allowed")))
+    with pytest.raises(errors.BadKernelError, match=r"has 309 bytes, folders included; CSPICE takes 255.*not allowed.*Move the file"):
+        jf.spice.Kernels(folder / "names.tf")

@@ -1,4 +1,4 @@
-"""The classes of SPICE frames, and what a frame given by fixed offsets hangs on."""
+"""SPICE's classes of frames, and what frames of fixed offsets are fixed to."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any

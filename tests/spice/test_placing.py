@@ -1,0 +1,105 @@
+"""Frames placed by SPICE ids from tables and from kernels: default frames, ways along tables, names, and failures that leave nothing."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import jaxframes as jf
+from jaxframes import errors
+from jaxframes.spice.built_in import CENTERS, INERTIAL, NAMES
+
+SPAN = {"start": "2026-01-01", "stop": "2026-02-01"}
+TIME = 820497600.0 + 86400.0
+
+
+def test_what_spice_has_built_in(cspice):
+    known = {int(i): int(cspice.frinfo(int(i))[0]) for kind in (2, 3, 4, 5, 6) for i in cspice.bltfrm(kind)}
+    assert known == CENTERS
+    assert {i: cspice.frmnam(i) for i in range(1, len(INERTIAL) + 1)} == dict(enumerate(INERTIAL, 1))
+    assert {name: cspice.bods2c(name) for name in NAMES} == NAMES
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_the_default_frame_from_tables_does_not_depend_on_their_age(known):
+    tables = jf.spice.example_tables()
+    old = {name: t.replace(info=dataclasses.replace(t.info, center=t.info.center if known else None)) for name, t in tables.items()}
+    for body in ("EARTH", 399):
+        builder = jf.TreeBuilder(root="SSB")
+        assert builder.add_spice(old, body=body) == "ITRF93"
+        assert builder.build().properties["ITRF93"]["spice_body"] == 399
+    builder = jf.TreeBuilder(root="SSB")
+    assert builder.add_spice(old, body="MOON", frame="ITRF93") == "ITRF93 @ MOON"
+    assert builder.add_spice(old, body="MOON") == "MOON"
+
+
+def test_shipped_tables_say_what_they_belong_to_and_how_good_they_are():
+    tables = jf.spice.example_tables()
+    assert tables["itrf93"].info.center == 399
+    for table in tables.values():
+        assert len(table.info.measured) == 3
+
+
+@pytest.fixture(scope="module")
+def links(kernels):
+    """Tables that make two ways from the Moon: by the Earth, which leads nowhere, and by the barycentre."""
+    make = lambda of, by: kernels.translation(target=of, center=by, **SPAN)
+    return {
+        "moon<-earth": make("MOON", "EARTH"),
+        "moon<-emb": make("MOON", "EARTH BARYCENTER"),
+        "emb<-ssb": make("EARTH BARYCENTER", "SSB"),
+        "sun<-ssb": make("SUN", "SSB"),
+    }
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_way_is_searched_along_all_tables(links, turned, cspice, dtype):
+    builder = jf.TreeBuilder(root="SSB")
+    assert builder.add_spice(list(links.values())[:: -1 if turned else 1], body="MOON") == "MOON"
+    tree = builder.build()
+    assert tree.parent("MOON") == "EARTH BARYCENTER"
+    found = tree.transform(tree.state(time=TIME), of="MOON", relative_to="SSB").translation
+    reference = np.array(cspice.spkezr("MOON", TIME, "J2000", "NONE", "SSB")[0][:3]) * 1e3
+    assert np.linalg.norm(np.asarray(found, float) - reference) <= (1e-3 if dtype == np.float64 else 5e4)
+
+
+def test_the_nearest_body_that_is_there_is_taken(links):
+    builder = jf.TreeBuilder(root="EARTH")
+    assert builder.add_spice(links, body="MOON") == "MOON"
+    assert builder.build().parent("MOON") == "EARTH"
+
+
+def test_names_that_a_body_goes_by(links):
+    for name in ("EMB", "emb", "EARTH-MOON BARYCENTER", "Earth Moon  Barycenter", "EARTH_BARYCENTER", "3", 3):
+        builder = jf.TreeBuilder(root="SSB")
+        assert builder.add_spice(links, body=name) == "EARTH BARYCENTER", name
+    for root in ("SSB", "SOLAR SYSTEM BARYCENTER", "solar_system_barycenter"):
+        builder = jf.TreeBuilder(root=root)
+        builder.add_spice(links, body="SUN")
+        assert builder.build().parent("SUN") == root
+
+
+def test_a_failure_leaves_nothing_behind(links, itrf93):
+    builder = jf.TreeBuilder(root="SSB")
+    with pytest.raises(errors.NoPathError, match="No table orients frame GALACTIC"):
+        builder.add_spice({**links, "itrf93": itrf93}, body="MOON", frame="GALACTIC")
+    assert builder.names == ("SSB",)
+    builder.add_spice(links, body="SUN")
+    with pytest.raises(errors.NoPathError, match=r"No table of 'EARTH' is among those given: none of body 399 from 0"):
+        builder.add_spice({**links, "itrf93": itrf93}, body="EARTH")
+    assert builder.names == ("SSB", "SUN")
+
+
+def test_a_known_frame_must_cover_the_span_asked_for(kernels):
+    builder = jf.TreeBuilder(root="SSB")
+    assert builder.add_spice(kernels, body="MOON", frame="J2000", **SPAN) == "MOON"
+    assert builder.add_spice(kernels, body="MOON", frame=1) == "MOON"
+    assert builder.add_spice(kernels, body="MOON", frame=1, start="2026-01-05", stop="2026-01-06") == "MOON"
+    names = builder.names
+    for start, stop in (("2026-01-05", "2026-03-01"), ("2025-12-01", None), (None, "2027-01-01")):
+        with pytest.raises(errors.CoverageError, match=r"frame 'MOON' is in the tree already, with a table that covers 2026-01-01"):
+            builder.add_spice(kernels, body="MOON", frame=1, start=start, stop=stop)
+    # The frame is new, what it hangs on is not.
+    with pytest.raises(errors.CoverageError, match=r"frame 'EARTH BARYCENTER' is in the tree already"):
+        builder.add_spice(kernels, body="EARTH", frame=1, start="2026-01-05", stop="2026-03-01")
+    assert builder.names == names
