@@ -5,11 +5,13 @@ from dataclasses import replace
 import jax
 import jax.numpy as jnp
 
-from jaxframes.kinematics.arrays import arrays_of, named
-from jaxframes.kinematics.attached import Islands, is_one_of, spoiled
+from jaxframes.kinematics.arrays import named
+from jaxframes.kinematics.attached import is_one_of, islands_of, spoiled
 from jaxframes.kinematics.context import Context
 from jaxframes.numerics.components import renormalized
+from jaxframes.numerics.packed import Kind, Packed
 from jaxframes.numerics.rigid import relative
+from jaxframes.numerics.stages import stage
 from jaxframes.tree.state import Attachments, State
 from jaxframes.tree.tree import FrameTree
 
@@ -33,13 +35,18 @@ def attach(tree: FrameTree, state: State, to: jax.Array, *, frame: int, keep: st
     order = 0 if keep == "world" else 2 if all(edge.supports_accelerations for edge in tree.edges.values()) else 1
     context = Context(tree, state, order)
     candidates = tree.topology.candidates[row]
-    islands = Islands(context, (frame, *candidates))
+    islands = islands_of(context, (frame, *candidates))
     rank, shape = len(context.shape), jnp.broadcast_shapes(context.shape, to.shape)
     aligned = to if to.ndim in (0, rank) else to.reshape((1,) * max(rank - to.ndim, 0) + to.shape)
-    seat, good = islands.motion_of_traced(aligned, candidates)
-    here = islands.spoil(spoiled(relative(seat, islands.motion(frame), order), good, context.dtype), frame)
-    # The pose is stored and later composed again: without this, norm errors of repeated attachments would feed on each other.
-    motion = named(arrays_of(replace(here, rotation=renormalized(here.rotation)), shape, 2, context.dtype))
+
+    def work() -> Packed:
+        placed = islands.placed()
+        seat, good = placed.motion_of_traced(aligned, candidates)
+        here = placed.spoil(spoiled(relative(seat, placed.motion(frame), order), good, context.dtype), frame)
+        # The pose is stored and later composed again: without this, norm errors of repeated attachments would feed on each other.
+        return Kind(shape, context.dtype, 2).packed(replace(here, rotation=renormalized(here.rotation)))
+
+    motion = named(stage(work)())
     fresh = jax.tree.map(lambda old, new: _put(old, row, new.astype(old.dtype), 1), held.motion, motion)
     return replace(state, attachments=Attachments(_put(held.parents, row, to, 0), fresh))
 
@@ -56,9 +63,8 @@ def _put(values: jax.Array, row: int, new: jax.Array, trailing: int) -> jax.Arra
 def attachments_valid(tree: FrameTree, state: State) -> jax.Array:
     """Return where every attachable frame hangs, link by link, on the root: no cycle, no parent outside its candidates."""
     context = Context(tree, state, 0)
-    islands = Islands(context, tree.topology.attachables)
     good = jnp.ones(context.shape, bool)
-    for valid in islands.valid.values():
+    for valid in islands_of(context, tree.topology.attachables).placed().valid.values():
         good = good & jnp.broadcast_to(valid, context.shape)
     for row, candidates in enumerate(tree.topology.candidates):
         good = good & is_one_of(context.attachment(row)[0], candidates)

@@ -7,17 +7,21 @@ X_i <- X_p(i) X_i, p <- p(p), in ceil(log2 n) rounds for n islands on the way. A
 part of a cycle, or hangs on one.
 """
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 
 from jaxframes.errors import MissingInputError, NoAccelerationError
-from jaxframes.kinematics import doubling
+from jaxframes.kinematics import doubling, path
 from jaxframes.kinematics.context import Context
-from jaxframes.kinematics.walk import outward
-from jaxframes.numerics.components import Component
+from jaxframes.kinematics.walk import known_pose, outward
+from jaxframes.numerics.components import Component, select
+from jaxframes.numerics.packed import Packed, unpacked
 from jaxframes.numerics.rigid import AT_REST, Rigid, compose, relative
+from jaxframes.numerics.stages import stage
 
 Table = dict[int, Any]
 
@@ -25,79 +29,123 @@ UNROLLED = 12
 """Up to so many candidates in all are told apart by selects, which XLA vectorises; more are gathered, which compiles faster."""
 
 
-class Islands:
-    """The islands that a query may touch, each one's root placed in the anchor: a frame that all of them are reached from.
+@dataclass(frozen=True)
+class Reach:
+    """What a query about some frames may touch.
 
-    The anchor is a frame near to what is asked for: the first of the frames itself, or the frame that it is declared on. Paths to
-    the candidates start there and go through common ancestors, so a distant root does not enter.
+    Attributes:
+        links: The attachable frames whose links it may follow, roots of their islands.
+        wanted: For each island, 0 the root's, the frames that are asked about or that something may hang on.
+        anchor: A frame near to what is asked for, which all islands are reached from: the first of the frames itself, or the frame that it
+            is declared on. Paths to the candidates start there and go through common ancestors, so a distant root does not enter.
+    """
+
+    links: tuple[int, ...]
+    wanted: Mapping[int, frozenset[int]]
+    anchor: int
+
+
+def reach(context: Context, frames: tuple[int, ...]) -> Reach:
+    """Return what a query about frames may touch."""
+    topology = context.topology
+    rows = {frame: row for row, frame in enumerate(topology.attachables)}
+    wanted, ahead = {0: set[int]()}, list(frames)
+    while ahead:
+        frame = ahead.pop()
+        island = topology.islands[frame]
+        if island not in wanted:
+            wanted[island] = {island}
+            ahead.extend(topology.candidates[rows[island]])
+        wanted[island].add(frame)
+    links = tuple(island for island in wanted if island)
+    return Reach(links, {island: frozenset(needed) for island, needed in wanted.items() if needed}, _near(context, frames[0]))
+
+
+def islands_of(context: Context, frames: tuple[int, ...]) -> "Islands":
+    """Return the islands that a query about frames may touch, the motions within them worked out along static paths."""
+    near = reach(context, frames)
+    inside: dict[int, Packed | Rigid] = {}
+    for island, needed in near.wanted.items():
+        root = island or near.anchor
+        known = {frame: pose for frame in needed if (pose := known_pose(context, frame, root)) is not None}
+        try:
+            inside |= known | (outward(context, root, needed - known.keys()) if len(known) < len(needed) else {})
+        except (MissingInputError, NoAccelerationError) as error:
+            names = ", ".join(repr(context.topology.names[link]) for link in near.links)
+            raise type(error)(
+                f"{error} (it may be on the way to a candidate of {names}: Attachable(candidates=...) restricts these)"
+            ) from None
+    return Islands(context, near, inside)
+
+
+class Islands:
+    """The islands that a query may touch. What depends on the parents is worked out anew by each stage that asks for it.
 
     Motions may be wrong where a link is not valid (a cycle, a parent that is no candidate): ``spoil`` makes them NaN. It comes
     last, so that an invalid link spoils nothing that does not depend on it, in value and gradient.
     """
 
-    def __init__(self, context: Context, frames: tuple[int, ...]):
-        topology = context.topology
-        self.context, self._rows = context, {frame: row for row, frame in enumerate(topology.attachables)}
-        wanted, ahead = {0: set[int]()}, list(frames)
-        while ahead:
-            frame = ahead.pop()
-            island = topology.islands[frame]
-            if island not in wanted:
-                wanted[island] = {island}
-                ahead.extend(topology.candidates[self._rows[island]])
-            wanted[island].add(frame)
-        self.links = tuple(island for island in wanted if island)
-        self.anchor = _near(context, frames[0])
-        self._inside = {island: self._walk(island, needed, frames) for island, needed in wanted.items() if needed}
-        self._place()
+    def __init__(self, context: Context, near: Reach, inside: Mapping[int, Packed | Rigid]):
+        self.context, self._near, self._inside = context, near, inside
+        self._rows = {frame: row for row, frame in enumerate(context.topology.attachables)}
 
-    def _walk(self, island: int, needed: set[int], asked: tuple[int, ...]) -> dict[int, Rigid]:
-        try:
-            return outward(self.context, island or self.anchor, frozenset(needed))
-        except (MissingInputError, NoAccelerationError) as error:
-            names = ", ".join(repr(self.context.topology.names[link]) for link in self.links)
-            raise type(error)(
-                f"{error} (it may be on the way to a candidate of {names}: Attachable(candidates=...) restricts these)"
-            ) from None
-
-    def _place(self) -> None:
-        """Work out where each island's root is in the anchor, and whether it hangs on the root at all."""
-        candidates = [self.context.topology.candidates[self._rows[island]] for island in self.links]
+    def placed(self) -> "Placed":
+        """Return each island's root placed in the anchor; call it within a stage."""
+        motions: dict[int, dict[int, Rigid]] = {island: {} for island in self._near.wanted}
+        for frame, motion in self._inside.items():
+            motions[self.context.topology.islands[frame]][frame] = motion if isinstance(motion, Rigid) else unpacked(motion)
+        candidates = [self.context.topology.candidates[self._rows[island]] for island in self._near.links]
         if sum(map(len, candidates)) > UNROLLED:
-            roots, self.valid = doubling.place(self.context, self.links, self._rows, self._inside)
+            roots, valid = doubling.place(self.context, self._near.links, self._rows, motions)
         else:
-            roots, self.valid = self._place_unrolled()
-        self.roots = {**roots, 0: AT_REST}
+            roots, valid = _place_unrolled(self.context, self._near.links, self._rows, motions)
+        return Placed(self.context, motions, roots, valid)
 
-    def _place_unrolled(self) -> tuple[Table, Table]:
-        """Do the same for few links and candidates, told apart by selects."""
-        codes = {0: 0, **{island: i for i, island in enumerate(self.links, 1)}}
-        pointers: Table = {}
-        roots: Table = {0: AT_REST}
-        valid: Table = {}
-        for island in self.links:
-            row = self._rows[island]
-            parent, held = self.context.attachment(row)
-            candidates = self.context.topology.candidates[row]
-            options = [(c, self._inside[self.context.topology.islands[c]][c]) for c in candidates]
-            roots[island] = compose(_select(parent, options, self.context.dtype), held, self.context.order)
-            valid[island] = is_one_of(parent, candidates)
-            pointers[island] = _choose(parent, [(c, codes[self.context.topology.islands[c]]) for c in candidates])
-        for _ in range(max(len(self.links) - 1, 0).bit_length()):
-            roots, pointers, valid = self._double(roots, pointers, valid, codes)
-        return roots, {island: valid[island] & (jnp.asarray(pointers[island]) == 0) for island in self.links}
 
-    def _double(self, roots: Table, pointers: Table, valid: Table, codes: dict[int, int]) -> tuple[Table, Table, Table]:
-        places = [(codes[island], island) for island in (0, *self.links)]
-        new_roots, new_pointers, new_valid = {0: AT_REST}, {}, {}
-        for island in self.links:
-            at = jnp.asarray(pointers[island])
-            above = _select(at, [(code, roots[other]) for code, other in places], self.context.dtype)
-            new_roots[island] = compose(above, roots[island], self.context.order)
-            new_pointers[island] = _choose(at, [(code, pointers[other] if other else 0) for code, other in places])
-            good = _choose(at, [(code, valid[other] if other else True) for code, other in places])
-            new_valid[island] = valid[island] & good
-        return new_roots, new_pointers, new_valid
+def _place_unrolled(
+    context: Context, links: tuple[int, ...], rows: dict[int, int], inside: dict[int, dict[int, Rigid]]
+) -> tuple[Table, Table]:
+    """Return where each island's root is in the anchor, and whether it hangs on the root at all, told apart by selects."""
+    home = context.topology.islands
+    codes = {0: 0, **{island: i for i, island in enumerate(links, 1)}}
+    pointers: Table = {}
+    roots: Table = {0: AT_REST}
+    valid: Table = {}
+    for island in links:
+        parent, held = context.attachment(rows[island])
+        candidates = context.topology.candidates[rows[island]]
+        options = [(c, inside[home[c]][c]) for c in candidates]
+        roots[island] = compose(_select(parent, options, context.dtype), held, context.order)
+        valid[island] = is_one_of(parent, candidates)
+        pointers[island] = _choose(parent, [(c, codes[home[c]]) for c in candidates])
+    for _ in range(max(len(links) - 1, 0).bit_length()):
+        roots, pointers, valid = _double(context, roots, pointers, valid, codes)
+    return roots, {island: valid[island] & (jnp.asarray(pointers[island]) == 0) for island in links}
+
+
+def _double(context: Context, roots: Table, pointers: Table, valid: Table, codes: dict[int, int]) -> tuple[Table, Table, Table]:
+    places = [(code, island) for island, code in codes.items()]
+    new_roots, new_pointers, new_valid = {0: AT_REST}, {}, {}
+    for island in pointers:
+        at = jnp.asarray(pointers[island])
+        above = _select(at, [(code, roots[other]) for code, other in places], context.dtype)
+        new_roots[island] = compose(above, roots[island], context.order)
+        new_pointers[island] = _choose(at, [(code, pointers[other] if other else 0) for code, other in places])
+        good = _choose(at, [(code, valid[other] if other else True) for code, other in places])
+        new_valid[island] = valid[island] & good
+    return new_roots, new_pointers, new_valid
+
+
+class Placed:
+    """Islands whose roots are placed in the anchor, as components.
+
+    Attributes:
+        valid: For each attachable frame whether it hangs, link by link, on the root.
+    """
+
+    def __init__(self, context: Context, inside: dict[int, dict[int, Rigid]], roots: Table, valid: Table):
+        self.context, self.valid = context, valid
+        self._inside, self._roots = inside, {**roots, 0: AT_REST}
 
     def spoil(self, motion: Rigid, *frames: int) -> Rigid:
         """Return a motion that is NaN where the frames that it comes from do not hang, link by link, on the root."""
@@ -113,7 +161,7 @@ class Islands:
     def motion(self, frame: int) -> Rigid:
         """Return the motion of a frame relative to the anchor (not spoiled)."""
         island = self.context.topology.islands[frame]
-        return compose(self.roots[island], self._inside[island][frame], self.context.order)
+        return compose(self._roots[island], self._inside[island][frame], self.context.order)
 
     def motion_of_traced(self, frame: jax.Array, candidates: tuple[int, ...]) -> tuple[Rigid, jax.Array]:
         """Return the motion relative to the anchor of a frame given as data, and where it is a candidate that hangs on the root."""
@@ -131,19 +179,34 @@ class Islands:
         return motion, known & hangs
 
 
-def between(context: Context, of: int, relative_to: int) -> Rigid:
-    """Return the motion of ``of`` as ``relative_to`` sees it, when attachable frames stand between them."""
+def between(context: Context, of: int, relative_to: int) -> Packed:
+    """Return the motion of ``of`` as ``relative_to`` sees it, whatever stands between them."""
     home = context.topology.islands
+    if home[of] == home[relative_to]:
+        return path.between(context, of, relative_to)
     first, second = (of, relative_to) if home[relative_to] and not home[of] else (relative_to, of)
-    return Islands(context, (first, second)).between(of, relative_to)
+    islands = islands_of(context, (first, second))
+    return stage(lambda: context.kind.packed(islands.placed().between(of, relative_to)))()
 
 
-def all_frames(context: Context, relative_to: int) -> dict[int, Rigid]:
+def all_frames(context: Context, relative_to: int) -> dict[int, Packed]:
     """Return the motions of all frames as ``relative_to`` sees them, in a tree with attachable frames."""
-    every = tuple(range(len(context.topology.names)))
-    islands = Islands(context, (relative_to, *every))
     near = outward(context, relative_to)
-    return {frame: near[frame] if frame in near else islands.between(frame, relative_to) for frame in every}
+    far = [frame for frame in range(len(context.topology.names)) if frame not in near]
+    return near | between_many(context, far, relative_to)
+
+
+def between_many(context: Context, frames: Sequence[int], relative_to: int) -> dict[int, Packed]:
+    """Return the motions, as one frame sees them, of several frames of other islands than its own."""
+    if not frames:
+        return {}
+    islands = islands_of(context, (relative_to, *frames))
+
+    def all_of_them() -> dict[int, Packed]:
+        placed = islands.placed()
+        return {frame: context.kind.packed(placed.between(frame, relative_to)) for frame in frames}
+
+    return stage(all_of_them)()
 
 
 def is_one_of(frame: jax.Array, candidates: tuple[int, ...]) -> jax.Array:
@@ -165,7 +228,7 @@ def _choose(key: jax.Array, options: list[tuple[int, Any]], otherwise: Any = Non
         *options, (_, otherwise) = options
     out = jnp.asarray(otherwise)
     for value, option in options:
-        out = jnp.where(key == value, jnp.asarray(option, out.dtype), out)
+        out = select(key == value, jnp.asarray(option, out.dtype), out)
     return out
 
 
@@ -180,7 +243,7 @@ def _select(key: jax.Array, options: list[tuple[int, Rigid]], dtype: Any) -> Rig
             return first
         out = jnp.asarray(parts[-1], dtype)
         for (value, _), part in zip(options[:-1], parts[:-1], strict=True):
-            out = jnp.where(key == value, jnp.asarray(part, dtype), out)
+            out = select(key == value, jnp.asarray(part, dtype), out)
         return out
 
     return jax.tree.map(pick, *(motion for _, motion in options))
@@ -188,5 +251,5 @@ def _select(key: jax.Array, options: list[tuple[int, Rigid]], dtype: Any) -> Rig
 
 def spoiled(motion: Rigid, valid: jax.Array, dtype: Any) -> Rigid:
     """Return a motion that is NaN, in value and gradient, where it is not valid."""
-    factor = jnp.where(valid, 1.0, jnp.nan).astype(dtype)
+    factor = select(valid, 1.0, float("nan")).astype(dtype)
     return jax.tree.map(lambda component: factor * component, motion)

@@ -1,6 +1,8 @@
 """Context: a state taken apart into components of one dtype and one batch shape, ready for any edge to read."""
 
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -9,9 +11,13 @@ from jax import lax
 
 from jaxframes.errors import MissingInputError, NoAccelerationError, ShapeError
 from jaxframes.kinematics.arrays import motion_of
-from jaxframes.numerics.boundary import column, parameters
-from jaxframes.numerics.components import Component, mul
+from jaxframes.numerics.boundary import parameters
+from jaxframes.numerics.columns import column
+from jaxframes.numerics.components import V3, Component, mul
+from jaxframes.numerics.extension import folded
+from jaxframes.numerics.packed import Kind
 from jaxframes.numerics.rigid import AT_REST, Rigid
+from jaxframes.numerics.source import Source, source_of
 from jaxframes.numerics.steps import Step, append_all
 from jaxframes.spatial import Motion
 from jaxframes.tree.edges.base import Edge, Inputs
@@ -20,19 +26,90 @@ from jaxframes.tree.joints import float_dtype
 from jaxframes.tree.state import State
 from jaxframes.tree.tree import FrameTree
 
+JOINT_FIELDS: tuple[str, ...] = ("q", "qd", "qdd")
+
+
+class Within(NamedTuple):
+    """What a context within a stage knows from the one outside.
+
+    Attributes:
+        steps: Steps of edges, by frame, that were worked out before: tables have stages of their own.
+        firsts: For ``q``, ``qd`` and ``qdd`` the first column that the state still holds: only those that are read go into a stage.
+    """
+
+    steps: Mapping[int, tuple[Step, ...]]
+    firsts: Mapping[str, int]
+
 
 class Context:
     """What a computation over a tree reads: the tree, the state's components, the batch shape and the dtype."""
 
-    def __init__(self, tree: FrameTree, state: State, order: int):
+    def __init__(self, tree: FrameTree, state: State, order: int, within: Within | None = None):
         self.tree, self.topology, self.order = tree, tree.topology, order
         self.dtype = jnp.promote_types(float_dtype(tree.parameters), float_dtype(state))
-        self._check_joints(state)
+        self._firsts: Mapping[str, int] = dict.fromkeys(JOINT_FIELDS, 0) if within is None else within.firsts
+        if within is None:
+            self._check_joints(state)
         self.shape = self._batch_shape(state)
-        self._joints = {kind: self._ranked(getattr(state, kind), 1) for kind in ("q", "qd", "qdd")}
-        self.time = None if state.time is None else (self._ranked(state.time.hi, 0), self._ranked(state.time.lo, 0))
-        self._state = state
-        self._steps: dict[int, tuple[Step, ...]] = {}
+        self.state = state
+        self._steps: dict[int, tuple[Step, ...]] = {} if within is None else dict(within.steps)
+
+    @property
+    def time(self) -> tuple[jax.Array, jax.Array] | None:
+        """The epoch in two parts."""
+        time = self.state.time
+        return None if time is None else (self._ranked(time.hi, 0), self._ranked(time.lo, 0))
+
+    @property
+    def kind(self) -> Kind:
+        """What the motions computed are like."""
+        return Kind(self.shape, self.dtype, self.order)
+
+    def source(self, frames: Sequence[int], make: "Callable[[Context], Any] | None" = None) -> Source:
+        """Return what a function makes of a context within a stage, as a source of whole arrays.
+
+        Args:
+            frames: The frames whose edges it reads.
+            make: Returns a structure of components. Default: the steps of the edges above the frames, one after the other.
+        """
+        for frame in frames:
+            self.check(frame)
+        given = {frame: self.steps(frame) for frame in frames if self.tree._edge(frame).needs_time}
+        state, firsts = self.state, {}
+        for kind in JOINT_FIELDS:
+            first, last = self._window(kind, frames)
+            firsts[kind] = first
+            array = getattr(state, kind)
+            if last - first < array.shape[-1]:
+                state = replace(state, **{kind: lax.slice_in_dim(array, first, last, axis=array.ndim - 1)})
+
+        def steps(inside: Context) -> tuple[Step, ...]:
+            return folded(step for frame in frames for step in inside.steps(frame))
+
+        return self._inside(make or steps, state, given, firsts)
+
+    def inside(self, make: "Callable[[Context], Any]", state: State) -> Source:
+        """Return what a function makes of a context within a stage, of a state like this one's and edges that need no time."""
+        return self._inside(make, state, {}, dict.fromkeys(JOINT_FIELDS, 0))
+
+    def _inside(
+        self, make: "Callable[[Context], Any]", state: State, given: Mapping[int, tuple[Step, ...]], firsts: Mapping[str, int]
+    ) -> Source:
+        def made(tree: FrameTree, state: State, given: Mapping[int, tuple[Step, ...]]) -> Any:
+            return make(Context(tree, state, self.order, Within(given, firsts)))
+
+        return source_of(made, self.tree, state, given)
+
+    def _window(self, kind: str, frames: Sequence[int]) -> tuple[int, int]:
+        """Return the first column of ``q``, ``qd`` or ``qdd`` that edges read, and the one after the last."""
+        spans = []
+        for frame in frames:
+            while self.topology.sources[frame] >= 0:
+                frame = self.topology.sources[frame]
+            first_q, nq, first_v, nv = self.topology.coordinates[frame]
+            spans.append((first_q, nq) if kind == "q" else (first_v, nv))
+        used = [(first, first + count) for first, count in spans if count]
+        return (min(first for first, _ in used), max(last for _, last in used)) if used else (0, 0)
 
     def _check_joints(self, state: State) -> None:
         for kind, count in (("q", self.topology.nq), ("qd", self.topology.nv), ("qdd", self.topology.nv)):
@@ -78,11 +155,13 @@ class Context:
         return lax.expand_dims(converted, range(missing)) if missing else converted
 
     def _columns(self, kind: str, first: int, count: int) -> tuple[Component, ...]:
-        return tuple(column(self._joints[kind], first + i) for i in range(count))
+        first -= self._firsts[kind]
+        array = self._ranked(getattr(self.state, kind), 1)
+        return tuple(column(array, first + i) for i in range(count))
 
     def gathered(self, kind: str, columns: np.ndarray) -> jax.Array:
         """Return some columns of ``q``, ``qd`` or ``qdd`` as one component [*batch, n]."""
-        return self._whole(picked(self._joints[kind], columns, -1), 0)
+        return self._whole(picked(self._ranked(getattr(self.state, kind), 1), columns, -1), 0)
 
     def _whole(self, array: jax.Array, trailing: int) -> jax.Array:
         """Return an array of several frames, [n] or [*batch, n] before its trailing axes, with all batch axes."""
@@ -90,12 +169,12 @@ class Context:
 
     def prescribed(self, rows: np.ndarray) -> Rigid:
         """Return several of the motions that the state holds for prescribed edges, components [*batch, n]."""
-        ranked = (self._ranked(leaf, 2) for leaf in self._leaves(self._state.prescribed))
+        ranked = (self._ranked(leaf, 2) for leaf in self._leaves(self.state.prescribed))
         return motion_of(self._whole(picked(leaf, rows, -2), 1) for leaf in ranked)
 
     def attachment(self, row: int) -> tuple[jax.Array, Rigid]:
         """Return the parent's index and the motion relative to it of an attachable frame, by its row in the state."""
-        held = self._state.attachments
+        held = self.state.attachments
         assert held is not None
         parents = held.parents[..., row]
         missing = len(self.shape) - parents.ndim if parents.ndim else 0
@@ -103,7 +182,7 @@ class Context:
 
     def _held(self, held: Motion, row: int) -> Rigid:
         """Return one of the motions that a state holds, as far as the order asks."""
-        return motion_of(self._ranked(leaf[..., row, :], 1) for leaf in self._leaves(held))
+        return motion_of(self._ranked(lax.index_in_dim(leaf, row, leaf.ndim - 2, keepdims=False), 1) for leaf in self._leaves(held))
 
     def _leaves(self, held: Motion) -> tuple[jax.Array, ...]:
         """Return the arrays of motions that a state holds, as far as the order asks."""
@@ -119,22 +198,27 @@ class Context:
 
     def edge(self, frame: int) -> Edge:
         """Return the edge above a frame, float parameters in the common dtype."""
-        return jax.tree.map(self._converted, self.tree._edge(frame))
+        return jax.tree.map(self.converted, self.tree._edge(frame))
 
-    def _converted(self, leaf: Any) -> Any:
+    def converted(self, leaf: Any) -> Any:
+        """Return a parameter in the common dtype, if it is a float."""
         return leaf.astype(self.dtype) if jnp.issubdtype(leaf.dtype, jnp.floating) else leaf
 
     def steps(self, frame: int) -> tuple[Step, ...]:
-        """Return the steps of the edge above a frame (once each, however often it is asked).
+        """Return the steps of the edge above a frame; those of tables are worked out once, however often they are asked for.
 
         Raises:
             NoAccelerationError: Accelerations are asked for and the edge has none.
             MissingInputError: The edge needs the time and the state has none.
         """
-        if frame not in self._steps:
-            self.check(frame)
-            self._steps[frame] = self.edge(frame).steps(self.inputs(frame), self.order)
-        return self._steps[frame]
+        if frame in self._steps:
+            return self._steps[frame]
+        self.check(frame)
+        edge = self.edge(frame)
+        steps = edge.steps(self.inputs(frame), self.order)
+        if edge.needs_time:
+            self._steps[frame] = steps
+        return steps
 
     def check(self, frame: int) -> None:
         """Raise NoAccelerationError or MissingInputError where the edge above a frame cannot answer."""
@@ -147,16 +231,20 @@ class Context:
         if edge.needs_time and self.time is None:
             raise MissingInputError(f"frame {name!r} hangs on {edge.describe()}, and the state has no time; pass time= to tree.state")
 
-    def unit_twists(self, frame: int) -> list[tuple[int, Rigid]]:
-        """Return, for each rate of the edge above a frame, its index in ``qd`` and the edge's velocity for a unit of it."""
-        first, scale = self._driver(frame)
-        edge, found, own = self.edge(frame), [], self.inputs(frame)
+    def rates_of(self, frame: int) -> tuple[int, ...]:
+        """Return the index in ``qd`` of each rate that moves the edge above a frame."""
+        first, _ = self._driver(frame)
+        return tuple(first + i for i in range(len(self.coordinates(frame)[1])))
+
+    def unit_twists(self, frame: int) -> list[tuple[V3, V3]]:
+        """Return, for each rate of the edge above a frame, the edge's velocity (angular, linear) for a unit of it."""
+        _, scale = self._driver(frame)
+        edge, own = self.edge(frame), self.inputs(frame)
         count = len(own.qd)
-        for i in range(count):
-            one = tuple(scale if i == j else 0.0 for j in range(count))
-            inputs = own._replace(qd=one, qdd=(0.0,) * count)
-            found.append((first + i, append_all(AT_REST, edge.steps(inputs, 1), 1)))
-        return found
+        ones = [tuple(scale if i == j else 0.0 for j in range(count)) for i in range(count)]
+        steps = (edge.steps(own._replace(qd=one, qdd=(0.0,) * count), 1) for one in ones)
+        moved = (append_all(AT_REST, each, 1) for each in steps)
+        return [(motion.angular, motion.linear) for motion in moved]
 
     def _driver(self, frame: int) -> tuple[int, Component]:
         """Return the index in ``qd`` of the first rate that moves an edge, and by how much: 1 unless it follows others."""
@@ -183,7 +271,7 @@ class Context:
             qd=qd,
             qdd=qdd,
             time=self.time,
-            prescribed=None if row < 0 else self._held(self._state.prescribed, row),
+            prescribed=None if row < 0 else self._held(self.state.prescribed, row),
             batch_rank=len(self.shape),
         )
 
@@ -195,4 +283,5 @@ def picked(array: jax.Array, places: np.ndarray, axis: int) -> jax.Array:
         if len(places) == array.shape[axis]:
             return array
         return lax.slice_in_dim(array, int(places[0]), int(places[-1]) + 1, step, axis=axis)
-    return jnp.take(array, places.astype(np.int32), axis=axis, mode="clip", unique_indices=len(np.unique(places)) == len(places))
+    index = (..., places.astype(np.int32), *[slice(None)] * (-1 - axis))
+    return array.at[index].get(mode="promise_in_bounds", unique_indices=len(np.unique(places)) == len(places))

@@ -6,8 +6,10 @@ to each segment's start, the starts are a tree ``SPAN`` times as shallow that is
 both. A chain of a thousand frames takes some thirty stages instead of a thousand, at twice the arithmetic.
 """
 
+import functools
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -15,12 +17,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.kinematics import doubling, plan
-from jaxframes.kinematics.arrays import Arrays, arrays_of, motion_of
-from jaxframes.kinematics.context import Context, picked
+from jaxframes.kinematics.context import JOINT_FIELDS, Context, picked
 from jaxframes.numerics.boundary import is_concrete
 from jaxframes.numerics.extension import extend
-from jaxframes.numerics.rigid import AT_REST, Rigid, inverse
+from jaxframes.numerics.packed import Kind, Packed, unpacked
+from jaxframes.numerics.rigid import AT_REST, inverse
+from jaxframes.numerics.source import source_of
+from jaxframes.numerics.stages import stage
+from jaxframes.numerics.steps import Step
 from jaxframes.tree.edges.base import Edge, Inputs
+from jaxframes.tree.state import State
 from jaxframes.tree.ways import FEWEST
 
 
@@ -29,7 +35,7 @@ def applies(context: Context) -> bool:
     return len(context.topology.names) >= FEWEST and not context.topology.attachables
 
 
-def all_frames(context: Context, observer: int) -> Arrays:
+def all_frames(context: Context, observer: int) -> Packed:
     """Return the motions of all frames relative to one as arrays [*batch, n_frames, k], in order of declaration."""
     parents, turned = plan.rerooted(context.topology.parents, observer)
     others = np.delete(np.arange(len(parents)), observer)
@@ -38,11 +44,11 @@ def all_frames(context: Context, observer: int) -> Arrays:
     stages = plan.staged(row[parents[others]])
     local = _local(context, turned, [others[level.frames] for level in stages.levels])
     found = _gathered(_accumulated(context, local, stages), [level.frames for level in stages.levels])
-    rest = arrays_of(AT_REST, (*context.shape, 1), context.order, context.dtype)
+    rest = _many(context, 1).packed(AT_REST)
     return _joined([part for part in (_cut(found, 0, observer), rest, _cut(found, observer, len(others))) if part[0].shape[-2]])
 
 
-def _accumulated(context: Context, local: Sequence[Arrays], stages: plan.Stages) -> list[Arrays]:
+def _accumulated(context: Context, local: Sequence[Packed], stages: plan.Stages) -> list[Packed]:
     """Return the motions of frames relative to the observer, level by level.
 
     Args:
@@ -50,7 +56,7 @@ def _accumulated(context: Context, local: Sequence[Arrays], stages: plan.Stages)
         local: Motions of each level's frames relative to the frames that they hang on, [*batch, n, k].
         stages: The plan.
     """
-    done: list[Arrays] = []
+    done: list[Packed] = []
     for level, here in zip(stages.levels, local, strict=True):
         done.append(here if level.above is None else _composed(context, _rows(done[-1], level.above), here))
     if not len(stages.starts):
@@ -58,16 +64,22 @@ def _accumulated(context: Context, local: Sequence[Arrays], stages: plan.Stages)
     inner = plan.staged(stages.parents)
     ends = _rows(done[-1], stages.starts)
     starts = _accumulated(context, [_rows(ends, level.frames) for level in inner.levels], inner)
-    rest = arrays_of(AT_REST, (*context.shape, 1), context.order, context.dtype)
+    rest = _many(context, 1).packed(AT_REST)
     above = _joined([rest, _gathered(starts, [level.frames for level in inner.levels])])
     return [_composed(context, _rows(above, level.start), here) for level, here in zip(stages.levels, done, strict=True)]
 
 
-def _composed(context: Context, parents: Arrays, local: Arrays) -> Arrays:
-    return arrays_of(extend(motion_of(parents), (motion_of(local),), context.order), local[0].shape[:-1], context.order, context.dtype)
+def _many(context: Context, count: int) -> Kind:
+    """Return what the motions of several frames are like."""
+    return Kind((*context.shape, count), context.dtype, context.order)
 
 
-def _local(context: Context, turned: tuple[int, ...], levels: Sequence[np.ndarray]) -> list[Arrays]:
+def _composed(context: Context, parents: Packed, local: Packed) -> Packed:
+    source = source_of(lambda local: (unpacked(local),), local)
+    return extend(parents, source, _many(context, local[0].shape[-2]))
+
+
+def _local(context: Context, turned: tuple[int, ...], levels: Sequence[np.ndarray]) -> list[Packed]:
     """Return the motions of each level's frames relative to the frames that they hang on, [*batch, n, k].
 
     Args:
@@ -84,15 +96,13 @@ def _local(context: Context, turned: tuple[int, ...], levels: Sequence[np.ndarra
     parts, places = [], []
     for group in dict.fromkeys(groups[wanted].tolist()):
         at = np.flatnonzero(groups[wanted] == group)
-        motion = _family_motion(context, group, wanted[at].tolist())
-        parts.append(arrays_of(motion, (*context.shape, len(at)), context.order, context.dtype))
+        parts.append(_family_motion(context, group, wanted[at].tolist()))
         places.append(at)
     if flipped.any():
         at, whole = np.flatnonzero(flipped), np.argsort(np.concatenate(places))
         edges = _rows(_joined(parts), whole[at])
-        back = inverse(motion_of(edges), context.order)
         places = [*places, at]
-        parts.append(arrays_of(back, (*context.shape, len(at)), context.order, context.dtype))
+        parts.append(stage(lambda edges: _many(context, len(at)).packed(inverse(unpacked(edges), context.order)))(edges))
     rows = np.empty(len(wanted), int)
     first = 0
     for at in places:
@@ -102,13 +112,40 @@ def _local(context: Context, turned: tuple[int, ...], levels: Sequence[np.ndarra
     return [_cut(found, a, b) for a, b in itertools.pairwise(edges.tolist())]
 
 
-def _family_motion(context: Context, group: int, frames: list[int]) -> Rigid:
-    """Return the motions of edges of one family relative to their parents, components [*batch, n_edges] or known numbers."""
+def _family_motion(context: Context, group: int, frames: list[int]) -> Packed:
+    """Return the motions of edges of one family relative to their parents, [*batch, n_edges, k]."""
     if not context.topology.stacked[group]:
-        return jax.tree.map(lambda c: c if isinstance(c, float) else c[..., None], extend(AT_REST, context.steps(frames[0]), context.order))
+        return tuple(array[..., None, :] for array in extend((), context.source(frames), context.kind))
     context.check(frames[0])
-    edge = _family(context, group, np.array([context.topology.locations[frame][1] for frame in frames]))
-    return extend(AT_REST, edge.steps(_inputs(context, frames), context.order), context.order)
+    rows = np.array([context.topology.locations[frame][1] for frame in frames])
+
+    state, places = _in_order(context, frames)
+
+    def steps(inside: Context) -> tuple[Step, ...]:
+        return _family(inside, group, rows).steps(_inputs(inside, frames, places), inside.order)
+
+    return extend((), context.inside(steps, state), _many(context, len(frames)))
+
+
+def _in_order(context: Context, frames: list[int]) -> tuple[State, np.ndarray]:
+    """Return the state with coordinates in the order of the edges that read them, and where these are: first, count, twice [n, 4].
+
+    XLA:CPU leaves a gather along the last axis lying the other way round, so whatever loop reads it goes across memory. As a stage of its
+    own it is turned over once (measured: twice as fast for a chain of a thousand joints).
+    """
+    topology, state = context.topology, context.state
+    places = np.array([topology.coordinates[frame] for frame in frames])
+    if any(topology.sources[frame] >= 0 for frame in frames):
+        return state, places
+    arranged = places.copy()
+    for kind, at in zip(JOINT_FIELDS[: 1 + context.order], (0, 2, 2), strict=False):
+        count = int(places[0, at + 1])
+        columns = (places[:, at, None] + np.arange(count)).reshape(-1)
+        if len(columns) < 2 or len(set(np.diff(columns).tolist())) == 1:
+            continue
+        state = replace(state, **{kind: stage(functools.partial(picked, places=columns, axis=-1))(getattr(state, kind))})
+        arranged[:, at] = count * np.arange(len(frames))
+    return state, arranged
 
 
 def _family(context: Context, group: int, rows: np.ndarray) -> Edge:
@@ -123,8 +160,8 @@ def _family(context: Context, group: int, rows: np.ndarray) -> Edge:
     return jax.tree.unflatten(topology.groups[group], [several(leaf) for leaf in context.tree.parameters[group]])
 
 
-def _inputs(context: Context, frames: list[int]) -> Inputs:
-    """Return what several edges of one family read as one, each component [*batch, n_edges]."""
+def _inputs(context: Context, frames: list[int], places: np.ndarray) -> Inputs:
+    """Return what several edges of one family, with their coordinates at places [n_edges, 4], read as one: components [*batch, n_edges]."""
     batch_rank = len(context.shape) + 1
     time = None if context.time is None else (context.time[0][..., None], context.time[1][..., None])
     topology = context.topology
@@ -135,26 +172,25 @@ def _inputs(context: Context, frames: list[int]) -> Inputs:
     if topology.prescribed[frames[0]] >= 0:
         held = context.prescribed(np.array([topology.prescribed[frame] for frame in frames]))
         return Inputs(time=time, prescribed=held, batch_rank=batch_rank)
-    places = np.array([topology.coordinates[frame] for frame in frames])
     q = tuple(context.gathered("q", places[:, 0] + i) for i in range(places[0, 1]))
     qd, qdd = (tuple(context.gathered(kind, places[:, 2] + i) for i in range(places[0, 3])) for kind in ("qd", "qdd"))
     return Inputs(q, qd, qdd, time, None, batch_rank)
 
 
-def _rows(arrays: Arrays, rows: np.ndarray) -> Arrays:
+def _rows(arrays: Packed, rows: np.ndarray) -> Packed:
     """Return some rows of arrays [..., n, k]."""
     return tuple(picked(array, rows, -2) for array in arrays)
 
 
-def _cut(arrays: Arrays, first: int, last: int) -> Arrays:
+def _cut(arrays: Packed, first: int, last: int) -> Packed:
     return tuple(array[..., first:last, :] for array in arrays)
 
 
-def _joined(parts: Sequence[Arrays]) -> Arrays:
+def _joined(parts: Sequence[Packed]) -> Packed:
     return parts[0] if len(parts) == 1 else tuple(jnp.concatenate(each, axis=-2) for each in zip(*parts, strict=True))
 
 
-def _gathered(levels: Sequence[Arrays], frames: Sequence[np.ndarray]) -> Arrays:
+def _gathered(levels: Sequence[Packed], frames: Sequence[np.ndarray]) -> Packed:
     """Return the rows of levels in the order of the frames' numbers."""
     if plan.interleaved(frames):
         stacked = (jnp.stack(each, axis=-2) for each in zip(*levels, strict=True))

@@ -14,12 +14,14 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxframes.errors import MissingInputError
+from jaxframes.kinematics.attached import between
 from jaxframes.kinematics.context import Context
-from jaxframes.kinematics.path import between
 from jaxframes.kinematics.rates import broadcast, rate
 from jaxframes.numerics.boundary import assemble, take_apart
 from jaxframes.numerics.components import V3, Component, cross, dot, mul, rotate
+from jaxframes.numerics.packed import Packed, unpacked
 from jaxframes.numerics.rigid import Rigid
+from jaxframes.numerics.stages import stage
 from jaxframes.spatial import Epoch
 from jaxframes.tree.apparent import SPEED_OF_LIGHT, ApparentState, Looking
 from jaxframes.tree.state import State
@@ -42,28 +44,30 @@ def apparent(tree: FrameTree, state: State, looking: Looking) -> ApparentState:
         tau = _delay(looking, tree, state)
         coverage = _coverages(looking, tree, state, tau)
     target = _at_root(tree, _later(state, looking.sign * tau), looking.of, looking.order)
-    line, rates = _line_of_sight(looking, observer, target)
-    if looking.light_time == "LT":
-        tau = mul(_length(line[0]), 1 / SPEED_OF_LIGHT)
-        line = line[:2]
-    if looking.aberration:
-        line = _aberrated(looking, tree, state, observer, line)
-    if looking.expressed_in:
-        turn = between(Context(tree, state, 0), 0, looking.expressed_in).rotation
-        line = [rotate(turn, vector) for vector in line]
-    vectors = [assemble(tuple(vector), shape, dtype) for vector in line]
+    jerk = _jerk(looking, tree, state) if looking.aberration and looking.order == 2 and looking.light_time != "LT" else None
+    axes = between(Context(tree, state, 0), 0, looking.expressed_in) if looking.expressed_in else ()
+
+    def work() -> tuple[list[jax.Array], jax.Array | None, jax.Array | None]:
+        line, rates = _line_of_sight(looking, unpacked(observer), unpacked(target))
+        one_step = None
+        if looking.light_time == "LT":
+            one_step, line = _length(line[0]) * (1 / SPEED_OF_LIGHT), line[:2]
+        if looking.aberration:
+            line = _aberrated(looking, unpacked(observer), jerk, line)
+        if looking.expressed_in:
+            line = [rotate(unpacked(axes).rotation, vector) for vector in line]
+        speed = None if looking.order == 0 else jnp.broadcast_to(jnp.asarray(rates[0], dtype), shape)
+        return [assemble(tuple(vector), shape, dtype) for vector in line], speed, one_step
+
+    vectors, speed, one_step = stage(work)()
     position, velocity, acceleration = [*vectors, None, None][:3]
-    speed = None if looking.order == 0 else jnp.broadcast_to(jnp.asarray(rates[0], dtype), shape)
-    return ApparentState(position, velocity, acceleration, jnp.broadcast_to(tau, shape), speed, coverage)  # pyright: ignore[reportArgumentType]
+    tau = jnp.broadcast_to(tau if one_step is None else one_step, shape)
+    return ApparentState(position, velocity, acceleration, tau, speed, coverage)  # pyright: ignore[reportArgumentType]
 
 
-def _at_root(tree: FrameTree, state: State, frame: int, order: int) -> Rigid:
-    """Return the motion of a frame relative to the root, its parts behind a fence each."""
-    context = Context(tree, state, order)
-    motion = between(context, frame, 0)
-    parts = (motion.translation, motion.linear, motion.linear2)[: order + 1]
-    fenced = [V3(*take_apart(assemble(tuple(part), context.shape, context.dtype))) for part in parts]
-    return Rigid(translation=fenced[0], **dict(zip(("linear", "linear2"), fenced[1:], strict=False)))
+def _at_root(tree: FrameTree, state: State, frame: int, order: int) -> Packed:
+    """Return the motion of a frame relative to the root."""
+    return between(Context(tree, state, order), frame, 0)
 
 
 def _time(state: State) -> Epoch:
@@ -86,7 +90,7 @@ def _travel(looking: Looking, tree: FrameTree, state: State, tau: jax.Array | No
     """Return how long light takes from where the target is, tau away from the state's time, to the observer of that time."""
     there = _at_root(tree, state if tau is None else _later(state, looking.sign * tau), looking.of, 0)
     here = _at_root(tree, state, looking.relative_to, 0)
-    return _length(there.translation - here.translation) * (1 / SPEED_OF_LIGHT)
+    return stage(lambda: _length(unpacked(there).translation - unpacked(here).translation) * (1 / SPEED_OF_LIGHT))()
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
@@ -143,15 +147,21 @@ def _turned_by_motion(line: V3, beta: V3) -> V3:
     return line * jnp.sqrt(1 - jnp.asarray(dot(h, h))) + cross(h, line)
 
 
-def _aberrated(looking: Looking, tree: FrameTree, state: State, observer: Rigid, line: list[V3]) -> list[V3]:
+def _jerk(looking: Looking, tree: FrameTree, state: State) -> jax.Array:
+    """Return the derivative of the observer's acceleration, [..., 6]: angular, linear."""
+    acceleration = lambda moving: _at_root(tree, moving, looking.relative_to, 2)[2]  # noqa: E731
+    return jax.jvp(acceleration, (state,), (rate(tree, state),))[1]
+
+
+def _aberrated(looking: Looking, observer: Rigid, jerk: jax.Array | None, line: list[V3]) -> list[V3]:
     """Return the line of sight and its derivatives with the aberration by the observer's velocity relative to the root."""
     scale = -looking.sign / SPEED_OF_LIGHT
     beta = [observer.linear * scale]
     if len(line) > 1:
         beta.append(observer.linear2 * scale)
     if len(line) > 2:
-        jerk = jax.jvp(lambda moving: _at_root(tree, moving, looking.relative_to, 2).linear2, (state,), (rate(tree, state),))[1]
-        beta.append(jerk * scale)
+        assert jerk is not None
+        beta.append(V3(*take_apart(jerk)[3:]) * scale)
     out = [_turned_by_motion(line[0], beta[0])]
     whole = tuple(_filled(v, out[0]) for v in (line[0], beta[0]))
 

@@ -6,17 +6,20 @@ from typing import Any, TypeVar
 import jax
 import jax.numpy as jnp
 
-from jaxframes.kinematics import attached, levels
-from jaxframes.kinematics.arrays import arrays_of, named
+from jaxframes.kinematics import attached, levels, whole
+from jaxframes.kinematics.arrays import named, of_halves
 from jaxframes.kinematics.attach import attach, attachments_valid
+from jaxframes.kinematics.attached import between
 from jaxframes.kinematics.context import Context
 from jaxframes.kinematics.jacobian import jacobian
 from jaxframes.kinematics.light_time import apparent
-from jaxframes.kinematics.path import between
 from jaxframes.kinematics.rates import broadcast, rate
-from jaxframes.kinematics.walk import everything, outward
+from jaxframes.kinematics.walk import outward
 from jaxframes.numerics.boundary import is_concrete
-from jaxframes.numerics.rigid import Rigid, express
+from jaxframes.numerics.layout import stacked
+from jaxframes.numerics.packed import Packed, unpacked
+from jaxframes.numerics.rigid import express
+from jaxframes.numerics.stages import stage
 from jaxframes.spatial import Motion, Transform
 from jaxframes.tree.state import State
 from jaxframes.tree.tree import FrameTree
@@ -24,55 +27,49 @@ from jaxframes.tree.tree import FrameTree
 Value = TypeVar("Value")
 
 
-def as_motion(motion: Rigid, context: Context) -> Motion:
-    """Return components as the values that users hold; velocity and acceleration are None beyond the order computed."""
-    return named(arrays_of(motion, context.shape, context.order, context.dtype))
-
-
 def _between(tree: FrameTree, state: State, of: int, relative_to: int, expressed_in: int, order: int) -> Motion:
     context = Context(tree, state, order)
     motion = between(context, of, relative_to)
     if order and expressed_in != relative_to:
-        axes = between(Context(tree, state, 0), relative_to, expressed_in).rotation
-        motion = express(axes, motion)
-    return as_motion(motion, context)
+        motion = turned(context, between(Context(tree, state, 0), relative_to, expressed_in), motion)
+    return named(motion)
+
+
+def turned(context: Context, axes: Packed, motion: Packed) -> Packed:
+    """Return a motion whose velocity and acceleration are in other axes; the pose of its own in these is given."""
+    return stage(lambda axes, motion: context.kind.packed(express(unpacked(axes).rotation, unpacked(motion))))(axes, motion)
 
 
 def _all_frames(tree: FrameTree, state: State, relative_to: int, order: int) -> Motion:
     context = Context(tree, state, order)
     if levels.applies(context):
         return named(levels.all_frames(context, relative_to))
-    if tree.topology.attachables:
-        found = attached.all_frames(context, relative_to)
-        arrays = [arrays_of(found[frame], context.shape, context.order, context.dtype) for frame in range(len(tree.names))]
-    else:
-        done = everything(context, relative_to)
-        arrays = [done[frame] for frame in range(len(tree.names))]
-    return named(tuple(jnp.stack(parts, axis=-2) for parts in zip(*arrays, strict=True)))
+    if not tree.topology.attachables:
+        return of_halves(whole.all_frames(context, relative_to))
+    found = attached.all_frames(context, relative_to)
+    return named(_stacked([found[frame] for frame in range(len(tree.names))], -2))
 
 
 def _pairs(tree: FrameTree, state: State, of: tuple[int, ...], relative_to: tuple[int, ...]) -> Transform:
     context, rows = Context(tree, state, 0), []
     home = tree.topology.islands
-    loose = len({home[frame] for frame in (*of, *relative_to)}) > 1
-    islands = attached.Islands(context, (*relative_to, *of)) if loose else None
     for observer in relative_to:
-        found = outward(context, observer, frozenset(frame for frame in of if home[frame] == home[observer]))
-        if islands is not None:
-            found |= {frame: islands.between(frame, observer) for frame in of if frame not in found}
-        rows.append(_stacked([as_motion(found[frame], context).transform for frame in of], -2))
-    return _stacked(rows, -3)
+        near = frozenset(frame for frame in of if home[frame] == home[observer])
+        found = outward(context, observer, near) if near else {}
+        found |= attached.between_many(context, [frame for frame in of if frame not in near], observer)
+        rows.append(_stacked([found[frame] for frame in of], -2))
+    return named(_stacked(rows, -3)).transform
 
 
 def _stacked(values: Sequence[Value], axis: int) -> Value:
-    return jax.tree.map(lambda *leaves: jnp.stack(leaves, axis=axis), *values)
+    return jax.tree.map(lambda *leaves: stacked(leaves, axis), *values)
 
 
 def _jacobian(tree: FrameTree, state: State, of: int, relative_to: int, expressed_in: int) -> jax.Array:
     if tree.topology.islands[of] != tree.topology.islands[relative_to]:
         return _jacobian_by_rates(tree, state, of, relative_to, expressed_in)
     context = Context(tree, state, 0)
-    axes = None if expressed_in == relative_to else between(context, relative_to, expressed_in).rotation
+    axes = None if expressed_in == relative_to else between(context, relative_to, expressed_in)
     return jacobian(context, of, relative_to, axes)
 
 

@@ -19,24 +19,26 @@ def _quaternion_rate(angular: V3, wxyz: Quat) -> Quat:
     return quat_mul(quat_from(0.0, angular * 0.5), wxyz)
 
 
-def broadcast(state: State) -> State:
-    """Return a state whose fields all have one batch shape."""
-    per_joint, per_frame = (state.q, state.qd, state.qdd), state.prescribed
-    shapes = [a.shape[:-1] for a in per_joint] + [a.shape[:-2] for a in jax.tree.leaves(per_frame)]
+def trailing(state: State) -> State:
+    """Return how many axes of each leaf of a state are not batch axes, in the structure of the state."""
+    ranks = {"q": 1, "qd": 1, "qdd": 1, "time": 0, "prescribed": 2}
+    found = {name: jax.tree.map(lambda _, rank=rank: rank, getattr(state, name)) for name, rank in ranks.items()}
     held = state.attachments
     if held is not None:
-        shapes += [held.parents.shape[:-1], *(a.shape[:-2] for a in jax.tree.leaves(held.motion))]
-    batch = jnp.broadcast_shapes(*shapes, *(a.shape for a in jax.tree.leaves(state.time)))
+        held = Attachments(1, jax.tree.map(lambda _: 2, held.motion))  # pyright: ignore[reportArgumentType]
+    return replace(state, **found, attachments=held)
 
-    def full(array: jax.Array, trailing: int) -> jax.Array:
-        return jnp.broadcast_to(array, (*batch, *array.shape[array.ndim - trailing :]))
 
-    q, qd, qdd = (full(a, 1) for a in per_joint)
-    time = jax.tree.map(lambda a: full(a, 0), state.time)
-    if held is not None:
-        held = Attachments(full(held.parents, 1), jax.tree.map(lambda a: full(a, 2), held.motion))
-    per_frame = jax.tree.map(lambda a: full(a, 2), per_frame)
-    return replace(state, q=q, qd=qd, qdd=qdd, time=time, prescribed=per_frame, attachments=held)
+def batch_of(array: jax.Array, rank: int) -> tuple[int, ...]:
+    """Return the batch axes of an array of which so many trailing axes are none."""
+    return array.shape[: array.ndim - rank]
+
+
+def broadcast(state: State) -> State:
+    """Return a state whose fields all have one batch shape."""
+    ranks = trailing(state)
+    batch = jnp.broadcast_shapes(*jax.tree.leaves(jax.tree.map(batch_of, state, ranks), is_leaf=lambda x: isinstance(x, tuple)))
+    return jax.tree.map(lambda a, rank: jnp.broadcast_to(a, (*batch, *a.shape[a.ndim - rank :])), state, ranks)
 
 
 def rate(tree: FrameTree, state: State) -> State:

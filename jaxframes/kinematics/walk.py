@@ -1,77 +1,103 @@
-"""Over all frames: the motion of every frame relative to one, each edge used once, outward from the observer."""
+"""Frame by frame: the motions of many frames relative to one, outward from the observer, each edge used once."""
 
-from collections.abc import Callable
+from typing import NamedTuple
 
-from jaxframes.kinematics.arrays import Arrays, arrays_of, motion_of
+import jax
+
 from jaxframes.kinematics.context import Context
+from jaxframes.kinematics.path import between
 from jaxframes.numerics.extension import extend
-from jaxframes.numerics.rigid import AT_REST, Rigid, compose, inverse
+from jaxframes.numerics.packed import Packed, unpacked
+from jaxframes.numerics.rigid import AT_REST, Rigid, compose, inverse, relative
+from jaxframes.numerics.stages import stage
+from jaxframes.numerics.steps import append_all
+from jaxframes.tree.edges.rigid import Fixed
+from jaxframes.tree.topology import Topology
+
+FEW = 3
+"""Up to so many frames, each path is worked out by itself: as many loops instead of one for each frame on the way."""
 
 
-def edge_motion(context: Context, frame: int) -> Rigid:
-    """Return the motion of a frame relative to its parent."""
-    return extend(AT_REST, context.steps(frame), context.order)
-
-
-def everything(context: Context, observer: int) -> dict[int, Arrays]:
-    """Return the motions of all frames of the observer's static part as arrays.
-
-    Each frame's result is also what its children are computed from: every frame is a stage of its own, so the program and its
-    compilation grow linearly with the number of frames.
-    """
-    done: dict[int, Arrays] = {}
-
-    def stage(frame: int, motion: Rigid) -> Rigid:
-        done[frame] = arrays_of(motion, context.shape, context.order, context.dtype)
-        return motion_of(done[frame])
-
-    outward(context, observer, stage=stage)
-    return done
-
-
-def outward(
-    context: Context,
-    observer: int,
-    wanted: frozenset[int] | None = None,
-    stage: Callable[[int, Rigid], Rigid] = lambda frame, motion: motion,
-) -> dict[int, Rigid]:
+def outward(context: Context, observer: int, wanted: frozenset[int] | None = None) -> dict[int, Packed]:
     """Return the motions of frames relative to an observer, within the static part of the tree that it belongs to.
 
     Walks up from the observer by inverted edges and down everywhere else, so every path goes through the common ancestor and
-    nothing that an observer and a frame share enters their relative motion.
+    nothing that an observer and a frame share enters their relative motion. Every frame is a stage, which those after it start from:
+    the program and its compilation grow linearly with the number of frames.
 
     Args:
         context: Tree, state and order.
         observer: The frame that everything is relative to.
         wanted: Frames whose motions are needed, all of the observer's static part. Default: all of that part.
-        stage: Called with every frame and its motion; what it returns is what the next frames start from.
     """
-    topology = context.topology
-    needed = None if wanted is None else _with_paths(context, observer, wanted)
-    found = {observer: AT_REST}
-    stage(observer, AT_REST)
-    ahead = [observer]
-    island = topology.islands[observer]
+    rest = context.kind.packed(AT_REST)
+    if wanted is not None and len(wanted) <= FEW:
+        return {frame: rest if frame == observer else between(context, frame, observer) for frame in wanted}
+    found: dict[int, Packed] = {observer: ()}
+    for move in moves(context.topology, observer, wanted):
+        if move.backward:
+            found[move.end] = _backward(context, found[move.start], move.edge)
+        else:
+            found[move.end] = extend(found[move.start], context.source((move.edge,)), context.kind)
+    return {frame: motion or rest for frame, motion in found.items()}
+
+
+def known_pose(context: Context, of: int, relative_to: int) -> Rigid | None:
+    """Return the pose of a frame in another where it is a number known while tracing: the path between them is fixed, or empty."""
+    ways = context.topology.route(of, relative_to)
+    if not all(isinstance(context.tree._edge(frame), Fixed) for way in ways for frame in way):
+        return None
+    observer, target = (append_all(AT_REST, (step for frame in way for step in context.steps(frame)), 0) for way in ways)
+    if any(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves((observer, target))):
+        return None
+    return relative(observer, target, 0)
+
+
+class Move(NamedTuple):
+    """A step from one frame to the next across the edge above one of them; ``backward`` where that leads up, to a parent."""
+
+    start: int
+    end: int
+    edge: int
+    backward: bool
+
+
+def moves(topology: Topology, observer: int, wanted: frozenset[int] | None = None) -> list[Move]:
+    """Return the steps that lead outward from an observer to all frames wanted, of its static part of the tree."""
+    needed = None if wanted is None else _with_paths(topology, observer, wanted)
+    found, ahead, island = list[Move](), [observer], topology.islands[observer]
+    seen = {observer}
+
+    def go(start: int, end: int, edge: int) -> None:
+        if end not in seen and topology.islands[end] == island and (needed is None or end in needed):
+            found.append(Move(start, end, edge, end != edge))
+            seen.add(end)
+            ahead.append(end)
+
     for frame in topology.ancestors(observer):
         if frame == island:
             break
-        parent = topology.parents[frame]
-        if needed is None or parent in needed:
-            found[parent] = stage(parent, compose(found[frame], inverse(edge_motion(context, frame), context.order), context.order))
-            ahead.append(parent)
+        go(frame, topology.parents[frame], frame)
     while ahead:
         frame = ahead.pop()
         for child in topology.children[frame]:
-            if child not in found and topology.islands[child] == island and (needed is None or child in needed):
-                found[child] = stage(child, extend(found[frame], context.steps(child), context.order))
-                ahead.append(child)
+            go(frame, child, child)
     return found
 
 
-def _with_paths(context: Context, observer: int, wanted: frozenset[int]) -> frozenset[int]:
+def _backward(context: Context, start: Packed, frame: int) -> Packed:
+    """Return the motion of a frame's parent from that of the frame."""
+
+    def work(start: Packed, edge: Packed) -> Packed:
+        return context.kind.packed(compose(unpacked(start), inverse(unpacked(edge), context.order), context.order))
+
+    return stage(work)(start, extend((), context.source((frame,)), context.kind))
+
+
+def _with_paths(topology: Topology, observer: int, wanted: frozenset[int]) -> frozenset[int]:
     needed = {observer}
     for frame in wanted:
-        up, down = context.topology.route(frame, observer)
+        up, down = topology.route(frame, observer)
         needed.update(down)
-        needed.update(context.topology.parents[i] for i in up)
+        needed.update(topology.parents[i] for i in up)
     return frozenset(needed)

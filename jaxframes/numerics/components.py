@@ -11,6 +11,11 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import jax
+import jax.numpy as jnp
+from jax import lax
+from jax.typing import ArrayLike
+
+from jaxframes.numerics.layout import aligned
 
 Component: TypeAlias = jax.Array | float
 
@@ -58,6 +63,13 @@ def add_all(*terms: Component) -> Component:
     for term in terms:
         total = add(total, term)
     return total
+
+
+def select(condition: ArrayLike, a: ArrayLike, b: ArrayLike) -> jax.Array:
+    """Return a where the condition holds and b elsewhere: ``jnp.where``, which is a call of its own, without the call."""
+    dtypes = [x for x in (a, b) if not isinstance(x, float)]
+    chosen = jnp.result_type(a, b) if dtypes else None  # of two plain numbers the result is one too: it takes any dtype
+    return lax.select(*aligned(jnp.asarray(condition), jnp.asarray(a, chosen), jnp.asarray(b, chosen)))
 
 
 @jax.tree_util.register_dataclass

@@ -1,4 +1,4 @@
-"""Lifting: a function written on components becomes one on arrays, batched, fenced, and compiled once when called eagerly."""
+"""Lifting: a function written on components becomes one on arrays: batched, a stage of its program, compiled once when called eagerly."""
 
 import functools
 from collections.abc import Callable
@@ -11,6 +11,7 @@ from jax import lax
 from jaxframes.errors import ShapeError
 from jaxframes.numerics.boundary import assemble, common_float, take_apart
 from jaxframes.numerics.components import V3, Quat
+from jaxframes.numerics.stages import stage
 
 Kind = Callable[..., Any] | None
 """What the last axis of an argument or result is: ``V3``, ``Quat``, ``tuple`` (any length), or ``None`` for no such axis."""
@@ -20,8 +21,8 @@ def lift(*kinds: Kind, out: Kind | tuple[Kind, ...]) -> Callable[[Callable[..., 
     """Return a decorator that turns a function of components into a function of arrays.
 
     The function made takes array-likes: ``[..., 3]`` for a ``V3``, ``[..., 4]`` for a ``Quat``, ``[..., k]`` for a ``tuple``,
-    ``[...]`` for ``None``. Leading axes broadcast as in NumPy, everything is promoted to one float dtype, and each result
-    leaves assembled behind a fence. Called eagerly it is compiled once for each set of shapes; inside a trace it is inlined.
+    ``[...]`` for ``None``. Leading axes broadcast as in NumPy, everything is promoted to one float dtype, and all of it is one
+    stage. Called eagerly it is compiled once for each set of shapes.
 
     Args:
         kinds: The kind of every argument.
@@ -37,12 +38,16 @@ def lift(*kinds: Kind, out: Kind | tuple[Kind, ...]) -> Callable[[Callable[..., 
             for a, kind in zip(arrays, kinds, strict=True):
                 _check(function, a, kind)
             batches = [a.shape[: a.ndim - (kind is not None)] for a, kind in zip(arrays, kinds, strict=True)]
-            shape = jnp.broadcast_shapes(*batches)
-            parts = [_split(a, kind, batch, len(shape)) for a, kind, batch in zip(arrays, kinds, batches, strict=True)]
-            result, dtype = function(*parts), arrays[0].dtype
-            if isinstance(out, tuple):
-                return tuple(_join(r, kind, shape, dtype) for r, kind in zip(result, out, strict=True))
-            return _join(result, out, shape, dtype)
+            shape, dtype = jnp.broadcast_shapes(*batches), arrays[0].dtype
+
+            def computed(*arrays: jax.Array) -> Any:
+                parts = (_split(a, kind, batch, len(shape)) for a, kind, batch in zip(arrays, kinds, batches, strict=True))
+                result = function(*parts)
+                if isinstance(out, tuple):
+                    return tuple(_join(r, kind, shape, dtype) for r, kind in zip(result, out, strict=True))
+                return _join(result, out, shape, dtype)
+
+            return stage(computed)(*arrays)
 
         @functools.wraps(function)
         def on_array_likes(*values: Any) -> Any:

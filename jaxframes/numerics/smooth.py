@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from jaxframes.numerics.components import select
 from jaxframes.numerics.trig import sin_cos
 
 Entry: TypeAlias = Any
@@ -42,9 +43,9 @@ def stumpff(order: int, square: Entry) -> Entry:
     # from order 2 on the closed forms are differences, of more terms with each order: harmless where a > 2, from order 5 a > 4
     limit, terms = (0.0625, 9) if order < 2 else (4.0, 15) if order < 5 else (16.0, 20)
     coefficients = [(-1.0) ** n / math.factorial(order + 2 * n) for n in range(terms)]
-    near = series(coefficients, jnp.where(square < 1.5 * limit, square, 0.0))
-    far = jnp.where(square > 0.5 * limit, square, 1.0)
-    return jnp.where(square < limit, near, _stumpff_closed(order, far))
+    near = series(coefficients, select(square < 1.5 * limit, square, 0.0))
+    far = select(square > 0.5 * limit, square, 1.0)
+    return select(square < limit, near, _stumpff_closed(order, far))
 
 
 def _stumpff_closed(order: int, square: Entry) -> Entry:
@@ -105,15 +106,15 @@ def _arc(order: int, square: Entry, w: Entry) -> Entry:
     limit = 0.0625 * w * w
     coefficients = [(-1.0) ** n * math.comb(order + n, n) / (2 * order + 2 * n + 1) for n in range(16)]
     possible = (square < 1.5 * limit) & (w > 0)
-    safe = jnp.where(possible, w, 1.0)
-    small = jnp.where(possible, square, 0.0) / (safe * safe)
+    safe = select(possible, w, 1.0)
+    small = select(possible, square, 0.0) / (safe * safe)
     near = series(coefficients, small) / safe ** (2 * order + 1)
-    far = jnp.where((square > 0.5 * limit) | (w <= 0), square, 1.0)
+    far = select((square > 0.5 * limit) | (w <= 0), square, 1.0)
     root = jnp.sqrt(far)
     value = atan2(root, w) / root
     for m in range(1, order + 1):
         value = ((2 * m - 1) * value - w / (far + w * w) ** m) / (2 * m * far)
-    return jnp.where((square < limit) & (w > 0), near, value)
+    return select((square < limit) & (w > 0), near, value)
 
 
 @_arc.defjvp
@@ -135,10 +136,10 @@ def binary_scale(components: Sequence[Entry]) -> Entry:
         largest = jnp.maximum(largest, lax.stop_gradient(jnp.abs(component)))
     dtype = np.dtype(largest.dtype)
     if dtype.name not in ("float32", "float64"):
-        return jnp.where(largest > 0, largest, jnp.ones_like(largest))
+        return select(largest > 0, largest, jnp.ones_like(largest))
     mask, number = (0x7F800000, np.int32) if dtype.name == "float32" else (0x7FF0000000000000, np.int64)
     power = lax.bitcast_convert_type(lax.bitcast_convert_type(largest, number) & number(mask), dtype)
-    return jnp.where(power > 0, power, jnp.ones_like(power))
+    return select(power > 0, power, jnp.ones_like(power))
 
 
 def norm(components: Sequence[Entry]) -> Entry:
@@ -149,7 +150,7 @@ def norm(components: Sequence[Entry]) -> Entry:
     for c in scaled[1:]:
         square = square + c * c
     nothing = square == 0.0
-    return jnp.where(nothing, 0.0, jnp.sqrt(jnp.where(nothing, 1.0, square)) * scale)
+    return select(nothing, 0.0, jnp.sqrt(select(nothing, 1.0, square)) * scale)
 
 
 def normalize(components: Sequence[Entry]) -> tuple[list[Entry], jax.Array]:

@@ -7,7 +7,8 @@ reduces the angle by multiples of pi/2 in three or four parts (Cody and Waite 19
 """
 
 import functools
-from collections.abc import Sequence
+import itertools
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
@@ -15,7 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxframes.numerics.components import Component
+from jaxframes.numerics.components import Component, select
+from jaxframes.numerics.layout import aligned
+from jaxframes.numerics.operation import Arrays, anywhere, changes_of, elementwise, run
+from jaxframes.numerics.stages import by_platform, stage
 
 REACH = {"float32": 8.0e3, "float64": 8.0e5}
 """Largest angle (rad) that the polynomials take, for each dtype: beyond it the reduction loses bits."""
@@ -48,64 +52,131 @@ _COS = {
 }
 
 
-def sin_cos(x: Component) -> tuple[Component, Component]:
+Pair = tuple[Component, Component]
+Half = Callable[[Component], Pair]
+"""A function that gives sine and cosine of a component."""
+
+
+def sin_cos(x: Component) -> Pair:
     """Return (sin x, cos x) of a component; each is the other's derivative, so gradients cost nothing more."""
     return sin_cos_all((x,))[0]
 
 
-def sin_cos_all(angles: Sequence[Component]) -> list[tuple[Component, Component]]:
+def sin_cos_all(angles: Sequence[Component]) -> list[Pair]:
     """Return (sin x, cos x) of several components, worked out together: one branch of the program serves all of them."""
-    found = iter(_pairs(tuple(x for x in angles if not isinstance(x, float))))
-    return [(float(np.sin(x)), float(np.cos(x))) if isinstance(x, float) else next(found) for x in angles]
+    unknown = [x for x in angles if not isinstance(x, float | int)]
+    sines, cosines = sin_cos_of(lambda *xs: xs, *unknown) if unknown else ((), ())
+    pair = given_pairs(sines, cosines)
+    return [_known(x) if isinstance(x, float | int) else pair(x) for x in angles]
 
 
-Pairs = tuple[tuple[jax.Array, jax.Array], ...]
+Angles = Callable[..., Sequence[jax.Array]]
+
+
+def sin_cos_of(angles: Angles, *operands: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Return the sines and the cosines [n, ...] of the n angles that a function makes of arrays; their shapes broadcast."""
+    operation = _SinesCosines(angles)
+    return tuple(run(operation, *operands) if operands else operation.compute())  # pyright: ignore[reportReturnType]
+
+
+class _SinesCosines:
+    """The operation."""
+
+    def __init__(self, angles: Angles):
+        self._angles = angles
+
+    def _stacked(self, *operands: jax.Array) -> jax.Array:
+        return lax.concatenate([lax.expand_dims(x, (0,)) for x in aligned(*self._angles(*operands))], 0)
+
+    def compute(self, *operands: jax.Array) -> Arrays:
+        return guarded(lambda pair, x: pair(x), lambda x: (x,), stage(self._stacked)(*operands))
+
+    def results(self, *operands: Any) -> Sequence[jax.ShapeDtypeStruct]:
+        return [jax.eval_shape(self._stacked, *operands)] * 2
+
+    def derivative(self, primals: Arrays, tangents: Sequence[jax.Array | None]) -> tuple[Arrays, Arrays]:
+        (s, c), change = run(self, *primals), changes_of(self._stacked, primals, tangents)
+        return (s, c), (c * change, -s * change)
+
+    def mapped(self, count: int, axes: Sequence[int | None], *operands: jax.Array) -> Arrays:
+        return elementwise(self)(count, axes, *operands)
+
+
+def given_pairs(sines: Any, cosines: Any, first: int = 0) -> Half:
+    """Return the function that gives sines and cosines [n, ...] worked out before, in the order in which they are asked for.
+
+    Args:
+        sines: The sines.
+        cosines: The cosines.
+        first: Which one is the first that is asked for.
+    """
+    rest = itertools.count(first)
+
+    def pair(x: Component) -> Pair:
+        i = next(rest)
+        return _given(x, *(lax.index_in_dim(part, i, 0, keepdims=False) for part in (sines, cosines)))
+
+    return pair
 
 
 @jax.custom_jvp
-def _pairs(angles: tuple[jax.Array, ...]) -> Pairs:
-    if not angles or any(x.dtype.name not in REACH for x in angles):
-        return _library(*angles)
-    return lax.platform_dependent(*angles, cpu=_guarded, default=_library)
+def _given(x: jax.Array, s: jax.Array, c: jax.Array) -> tuple[jax.Array, jax.Array]:
+    return s, c
 
 
-@_pairs.defjvp
-def _pairs_jvp(primals: Any, tangents: Any) -> tuple[Pairs, Pairs]:
-    found = _pairs(*primals)
-    return found, tuple((c * dx, -s * dx) for (s, c), dx in zip(found, tangents[0], strict=True))
+@_given.defjvp
+def _given_jvp(primals: Any, tangents: Any) -> Any:
+    _, s, c = primals
+    return (s, c), (c * tangents[0], -s * tangents[0])
 
 
-@jax.custom_batching.custom_vmap
-def _guarded(*angles: jax.Array) -> Pairs:
-    """Return the pairs of a whole batch. The rare case is one branch for all: told apart for each element, both would run.
+def guarded(program: Callable[..., Any], angles: Callable[..., Sequence[Component]], *operands: jax.Array) -> Any:
+    """Return ``program(pair, *operands)`` as a stage, where ``pair`` gives sine and cosine in the way that serves all angles.
 
-    The branch also keeps sines and cosines in memory of their own, computed once; fused into the frames of a path and their
-    derivatives they would be computed anew for each (measured: gradients take one and a half times as long).
+    On CPU that is by polynomials, unless a batch holds an angle beyond their reach: the program has a branch for either case. The rare
+    case is one branch for the whole batch, also under ``vmap``; told apart for each element, both would run.
+
+    Args:
+        program: What is computed.
+        angles: Returns, of the same operands, the angles whose sine and cosine are asked for.
+        operands: What it is computed of.
     """
-    # A NaN, as an epoch outside a table gives, is not beyond reach: it must not slow the rest of its batch down.
-    far = functools.reduce(jnp.logical_or, (jnp.any(jnp.abs(x) > REACH[x.dtype.name]) for x in angles))
-    return lax.cond(far, lambda *xs: tuple(map(_either, xs)), lambda *xs: tuple(map(_polynomials, xs)), *angles)
+
+    def on_cpu(*operands: jax.Array) -> Any:
+        arrays = [x for x in angles(*operands) if not isinstance(x, float | int)]
+        if any(x.dtype.name not in REACH for x in arrays):
+            return stage(functools.partial(program, _library))(*operands)
+        if not arrays:
+            return stage(functools.partial(program, _polynomials))(*operands)
+        # A NaN, as an epoch outside a table gives, is not beyond reach: it must not slow the rest of its batch down.
+        far = functools.reduce(jnp.logical_or, (jnp.abs(x) > REACH[x.dtype.name] for x in arrays))
+        return lax.cond(anywhere(far), functools.partial(program, _either), functools.partial(program, _polynomials), *operands)
+
+    return by_platform(*operands, cpu=on_cpu, default=functools.partial(program, _library))
 
 
-@_guarded.def_vmap
-def _guarded_vmap(axis_size: int, in_batched: Any, *angles: jax.Array) -> Any:
-    return _guarded(*angles), tuple((one, one) for one in in_batched)
+def _known(x: float) -> Pair:
+    return float(np.sin(x)), float(np.cos(x))
 
 
-def _either(x: jax.Array) -> tuple[jax.Array, jax.Array]:
+def _either(x: Component) -> Pair:
     """Return the library's pair beyond reach and the polynomials' within: no sample depends on its neighbours."""
+    if isinstance(x, float | int):
+        return _known(x)
     far = jnp.abs(x) > REACH[x.dtype.name]
-    (s, c), (near_s, near_c) = _library(x)[0], _polynomials(x)
-    return jnp.where(far, s, near_s), jnp.where(far, c, near_c)
+    (s, c), (near_s, near_c) = _library(x), _polynomials(x)
+    return select(far, s, near_s), select(far, c, near_c)
 
 
-def _library(*angles: jax.Array) -> Pairs:
-    return tuple((jnp.sin(x), jnp.cos(x)) for x in angles)
+def _library(x: Component) -> Pair:
+    return _known(x) if isinstance(x, float | int) else (jnp.sin(x), jnp.cos(x))
 
 
-def _polynomials(x: jax.Array) -> tuple[jax.Array, jax.Array]:
+def _polynomials(x: Component) -> Pair:
+    if isinstance(x, float | int):
+        return _known(x)
     name, number = x.dtype.name, np.dtype(x.dtype).type
-    k = jnp.round(x * number(2 / np.pi))
+    k = lax.round(x * number(2 / np.pi), lax.RoundingMethod.TO_NEAREST_EVEN)
     r = x
     for part in _HALF_PI[name]:
         r = r - k * number(part)
@@ -114,8 +185,8 @@ def _polynomials(x: jax.Array) -> tuple[jax.Array, jax.Array]:
     s, c = r + r * z * s, 1 - number(0.5) * z + z * z * c
     quadrant = k.astype(jnp.int32) & 3
     odd = (quadrant & 1) == 1
-    s, c = jnp.where(odd, c, s), jnp.where(odd, s, c)
-    return jnp.where(quadrant >= 2, -s, s), jnp.where((quadrant == 1) | (quadrant == 2), -c, c)
+    s, c = select(odd, c, s), select(odd, s, c)
+    return select(quadrant >= 2, -s, s), select((quadrant == 1) | (quadrant == 2), -c, c)
 
 
 def _horner(coefficients: tuple[float, ...], z: jax.Array) -> jax.Array:

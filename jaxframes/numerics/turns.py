@@ -9,7 +9,6 @@ with the sum that follows it, which spoils the latter and leaves exact products 
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
@@ -50,4 +49,4 @@ def _halves(x: jax.Array) -> tuple[jax.Array, jax.Array]:
 def _fraction(x: jax.Array) -> jax.Array:
     """Return a number modulo 2, between -1 and 1: exact. Two turns, not one: half the angle makes a quaternion, which keeps its sign."""
     two = x.dtype.type(2)
-    return x - two * jnp.round(x / two)
+    return x - two * lax.round(x / two, lax.RoundingMethod.TO_NEAREST_EVEN)

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.numerics import smooth
-from jaxframes.numerics.components import Quat, quat_mul
+from jaxframes.numerics.components import Quat, quat_mul, select
 from jaxframes.numerics.smooth import Entry
 from jaxframes.numerics.trig import sin_cos
 
@@ -54,8 +54,8 @@ def to_rpy(q: Quat) -> tuple[Entry, Entry, Entry]:
     lost = max(4.0 * smooth.rounding(w), LOCKED * math.sqrt(0.5))
     difference, plus = _polar(w + y, z - x, lost)
     total, minus = _polar(w - y, z + x, lost)
-    difference = jnp.where(plus == 0.0, total, difference)
-    total = jnp.where(minus == 0.0, difference, total)
+    difference = select(plus == 0.0, total, difference)
+    total = select(minus == 0.0, difference, total)
     pitch = smooth.atan2(2.0 * (w * y - x * z), plus * minus)
     return wrapped(total - difference), pitch, wrapped(total + difference)
 
@@ -65,19 +65,19 @@ def to_zyz(q: Quat) -> tuple[Entry, Entry, Entry]:
     lost = 2.0 * smooth.rounding(q.w)
     total, upright = _polar(q.w, q.z, lost)
     difference, tilted = _polar(q.y, -q.x, lost)
-    difference = jnp.where(tilted == 0.0, total, difference)
-    total = jnp.where(upright == 0.0, difference, total)
+    difference = select(tilted == 0.0, total, difference)
+    total = select(upright == 0.0, difference, total)
     return wrapped(total + difference), 2.0 * smooth.atan2(tilted, upright), wrapped(total - difference)
 
 
 def _polar(x: Entry, y: Entry, lost: float) -> tuple[Entry, Entry]:
     """Return (angle, distance) of a point in a plane; (0, 0) with derivatives 0 at distances up to ``lost``."""
     free = jnp.maximum(jnp.abs(x), jnp.abs(y)) <= lost
-    x, y = jnp.where(free, 1.0, x), jnp.where(free, 0.0, y)
-    return smooth.atan2(y, x), jnp.where(free, 0.0, smooth.norm((x, y)))
+    x, y = select(free, 1.0, x), select(free, 0.0, y)
+    return smooth.atan2(y, x), select(free, 0.0, smooth.norm((x, y)))
 
 
 def wrapped(angle: Entry) -> Entry:
     """Return an angle in [-2 pi, 2 pi] brought to (-pi, pi] by one turn."""
     turn = 2.0 * np.pi
-    return jnp.where(angle > np.pi, angle - turn, jnp.where(angle <= -np.pi, angle + turn, angle))
+    return select(angle > np.pi, angle - turn, select(angle <= -np.pi, angle + turn, angle))

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 
 from jaxframes.numerics import smooth
-from jaxframes.numerics.components import V3, Quat, cross, dot, quat_conj, quat_from, quat_mul, rotate_inverse
+from jaxframes.numerics.components import V3, Quat, cross, dot, quat_conj, quat_from, quat_mul, rotate_inverse, select
 from jaxframes.numerics.components import rotate as rotate_components
 from jaxframes.numerics.lift import lift
 from jaxframes.numerics.smooth import Entry
@@ -80,8 +80,8 @@ def from_unit_axis_angle(axis: V3, turn: Entry) -> Quat:
 def from_axis_angle(axis: V3, turn: Entry) -> Quat:
     """Return the rotation about an axis of any length; a zero axis turns nothing."""
     nothing = (axis.x == 0) & (axis.y == 0) & (axis.z == 0)
-    unit, _ = smooth.normalize((jnp.where(nothing, 1.0, axis.x), axis.y, axis.z))
-    s, c = sin_cos(jnp.where(nothing, 0.0, turn) * 0.5)
+    unit, _ = smooth.normalize((select(nothing, 1.0, axis.x), axis.y, axis.z))
+    s, c = sin_cos(select(nothing, 0.0, turn) * 0.5)
     return quat_from(c, V3(*unit) * s)
 
 
@@ -90,7 +90,7 @@ def to_axis_angle(q: Quat) -> tuple[Entry, V3]:
     """Return the angle in [0, pi] and the unit axis; z for the identity."""
     q = so3.upper(q)
     nothing = (q.x == 0) & (q.y == 0) & (q.z == 0)
-    axis, _ = smooth.normalize(tuple(jnp.where(nothing, c, component) for c, component in zip((0.0, 0.0, 1.0), q.vector, strict=True)))
+    axis, _ = smooth.normalize(tuple(select(nothing, c, component) for c, component in zip((0.0, 0.0, 1.0), q.vector, strict=True)))
     return so3.angle(q), V3(*axis)
 
 
@@ -110,8 +110,8 @@ def between(start: V3, end: V3) -> Quat:
     h = a + b
     slack = 4 * smooth.rounding(a.x)
     opposite = (jnp.abs(h.x) <= slack) & (jnp.abs(h.y) <= slack) & (jnp.abs(h.z) <= slack)
-    w = jnp.where(opposite, 0.0, 0.5 * dot(h, h))
-    h = V3(*(jnp.where(opposite, p, c) for p, c in zip(_perpendicular(a), h, strict=True)))
+    w = select(opposite, 0.0, 0.5 * dot(h, h))
+    h = V3(*(select(opposite, p, c) for p, c in zip(_perpendicular(a), h, strict=True)))
     return so3.normalized(quat_from(w, cross(a, h)))
 
 
@@ -122,7 +122,7 @@ def _perpendicular(a: V3) -> V3:
     zero = jnp.zeros_like(x)
 
     def pick(p: Entry, q: Entry, r: Entry) -> Entry:
-        return jnp.where(by_x, p, jnp.where(by_y, q, r))
+        return select(by_x, p, select(by_y, q, r))
 
     return V3(pick(zero, -a.z, a.y), pick(a.z, zero, -a.x), pick(-a.y, a.x, zero))
 

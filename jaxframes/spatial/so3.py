@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import jax.numpy as jnp
 
 from jaxframes.numerics import smooth
-from jaxframes.numerics.components import V3, Quat, cross, dot, quat_conj, quat_from, quat_mul
+from jaxframes.numerics.components import V3, Quat, cross, dot, quat_conj, quat_from, quat_mul, select
 from jaxframes.numerics.smooth import Entry
 
 Nine = Sequence[Entry]
@@ -37,9 +37,9 @@ def upper(q: Quat) -> Quat:
     """
     slack = 4.0 * smooth.rounding(q.w)
     x, y, z = (jnp.abs(c) for c in q.vector)
-    largest = jnp.where(x > jnp.maximum(y, z) + slack, q.x, jnp.where(y > z + slack, q.y, q.z))
-    leading = jnp.where(jnp.abs(q.w) <= slack, largest, q.w)
-    sign = jnp.where(leading < 0, -1.0, 1.0)
+    largest = select(x > jnp.maximum(y, z) + slack, q.x, select(y > z + slack, q.y, q.z))
+    leading = select(jnp.abs(q.w) <= slack, largest, q.w)
+    sign = select(leading < 0, -1.0, 1.0)
     return Quat(*(c * sign for c in q))
 
 
@@ -67,7 +67,7 @@ def from_matrix(m: Nine) -> Quat:
     by_w, by_x, by_y = a + e + i > 0, (a > e) & (a > i), e > i
 
     def pick(w: Entry, x: Entry, y: Entry, z: Entry) -> Entry:
-        return jnp.where(by_w, w, jnp.where(by_x, x, jnp.where(by_y, y, z)))
+        return select(by_w, w, select(by_x, x, select(by_y, y, z)))
 
     p, q, r = h - f, c - g, d - b
     u, v, s = h + f, c + g, d + b

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxframes.numerics import components, smooth
-from jaxframes.numerics.components import V3
+from jaxframes.numerics.components import V3, select
 from jaxframes.numerics.lift import lift
 from jaxframes.numerics.smooth import Entry
 
@@ -19,8 +19,8 @@ def _norm(v: V3) -> Entry:
 @lift(V3, out=(V3, None))
 def _normalize(v: V3) -> tuple[V3, Entry]:
     nothing = (v.x == 0) & (v.y == 0) & (v.z == 0)
-    unit, length = smooth.normalize(tuple(jnp.where(nothing, c, component) for c, component in zip((1.0, 0.0, 0.0), v, strict=True)))
-    return V3(*unit), jnp.where(nothing, 0.0, length)
+    unit, length = smooth.normalize(tuple(select(nothing, c, component) for c, component in zip((1.0, 0.0, 0.0), v, strict=True)))
+    return V3(*unit), select(nothing, 0.0, length)
 
 
 _cross = lift(V3, V3, out=V3)(components.cross)
@@ -32,7 +32,7 @@ def _farthest(a: V3, b: V3, eps: Entry) -> Entry:
     largest = jnp.abs(a.x - b.x)
     for p, q in ((a.y, b.y), (a.z, b.z)):
         largest = jnp.maximum(largest, jnp.abs(p - q))
-    return jnp.where(largest < eps, 1.0, 0.0)
+    return select(largest < eps, 1.0, 0.0)
 
 
 def norm(vector: Any) -> jax.Array:

@@ -1,6 +1,7 @@
 """Attitude tables: knots of C-kernels and fitted Cayley series, evaluated under jit with angular velocity and acceleration."""
 
 import functools
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import jax
@@ -9,8 +10,10 @@ import numpy as np
 
 from jaxframes.errors import MissingInputError
 from jaxframes.numerics.boundary import assemble, take_apart
-from jaxframes.numerics.components import V3, Component, Quat, cross, dot, quat_mul, rotate
+from jaxframes.numerics.components import V3, Component, Quat, cross, dot, quat_mul, rotate, select
+from jaxframes.numerics.layout import rows_at
 from jaxframes.numerics.rigid import Rigid
+from jaxframes.numerics.stages import stage
 from jaxframes.numerics.steps import Step
 from jaxframes.numerics.trig import sin_cos
 from jaxframes.spice import evaluate
@@ -41,8 +44,8 @@ class Attitude(Table):
         """The function that evaluates the table, the mode, and the arrays beside the legs."""
         raise NotImplementedError
 
-    def motion(self, hi: Any, lo: Any, order: int) -> "Motion":
-        """Return the components of quaternion, angular velocity and angular acceleration, behind a fence."""
+    def motion(self, hi: Any, lo: Any, order: int) -> jax.Array:
+        """Return quaternion, angular velocity and angular acceleration as one array [..., 4, 7 or 10]."""
         way, mode, rest = self.way
         return way(mode, self.run, rest, hi, lo, order)
 
@@ -50,7 +53,7 @@ class Attitude(Table):
         """Return one motion: the rotation, without translation."""
         if inputs.time is None:
             raise MissingInputError(f"{self.describe()} depends on time: give the state one, tree.state(time=...).")
-        parts = self.motion(*inputs.time, order)
+        parts = take_apart(self.motion(*inputs.time, order))
         rates = dict(zip(("angular", "angular2"), (V3(*parts[i : i + 3]) for i in range(4, len(parts), 3)), strict=False))
         return (Rigid(rotation=Quat(*parts[:4]), **rates),)
 
@@ -60,8 +63,8 @@ class Attitude(Table):
         code = evaluate.coverage_code(self.run, hi, lo)
         leg = self.legs[0]
         index = leg.record(*evaluate._local(self.run, jnp.asarray(hi), jnp.asarray(lo)))
-        lengths = leg.rows[..., -1].at[index].get(mode="promise_in_bounds")
-        return jnp.where((code == 0) & jnp.isnan(lengths), np.int32(1), code)
+        lengths = rows_at(leg.rows, index)[..., -1]
+        return select((code == 0) & jnp.isnan(lengths), np.int32(1), code)
 
     def describe(self) -> str:
         """Return the kind of the edge and its frames."""
@@ -82,50 +85,53 @@ class Attitude(Table):
         return _arrays(checked_order(order), way, mode, self.run, rest, *two_parts(time))
 
 
-Motion = tuple[Component, ...]
-
-
-def _knots(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, order: int) -> Motion:
+def _knots(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, order: int) -> jax.Array:
     """Return the motion between knots; ``AttitudeTable`` says how."""
-    (leg,) = run.legs
-    hi, lo = jnp.broadcast_arrays(jnp.asarray(hi, leg.rows.dtype), jnp.asarray(lo, leg.rows.dtype))
-    dt_hi, dt_lo = evaluate._local(run, hi, lo)
-    row = jnp.moveaxis(leg.rows.at[leg.record(dt_hi, dt_lo)].get(mode="promise_in_bounds"), -1, 0)
-    length = row[-1]
-    u = (((dt_hi - row[-3]) + (dt_lo - row[-2])) + _outside(run, dt_hi, dt_lo)) / length
-    start, axis, half = Quat(*row[:4]), V3(*row[4:7]), row[7]
-    first, second = V3(*row[8:11]), V3(*row[11:14])
-    slerp = quat_mul(_turned(axis, half * u), start)
-    if mode == "spice":
-        out = [slerp, first + (second - first) * u, (second - first) * (1 / length)]
-    else:
+
+    def work(run: Run, hi: jax.Array, lo: jax.Array) -> jax.Array:
+        (leg,) = run.legs
+        dt_hi, dt_lo = evaluate._local(run, hi, lo)
+        row = jnp.moveaxis(rows_at(leg.rows, leg.record(dt_hi, dt_lo)), -1, 0)
+        length = row[-1]
+        u = (((dt_hi - row[-3]) + (dt_lo - row[-2])) + _outside(run, dt_hi, dt_lo)) / length
+        start, axis, half = Quat(*row[:4]), V3(*row[4:7]), row[7]
+        first, second = V3(*row[8:11]), V3(*row[11:14])
+        slerp = quat_mul(_turned(axis, half * u), start)
+        if mode == "spice":
+            return _joined([slerp, first + (second - first) * u, (second - first) * (1 / length)], order)
         g, g1, g2 = _bubble(first, second, u, length)
-        out = _cayley(g, g1, g2, slerp, axis * (half * 2 / length))
-    return take_apart(assemble(tuple(c for group in out[: order + 1] for c in group)))
+        return _joined(_cayley(g, g1, g2, slerp, axis * (half * 2 / length)), order)
+
+    return stage(work)(run, *evaluate.recast(hi, lo, run.legs[0].rows.dtype))
 
 
-def _series(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, order: int) -> Motion:
+def _series(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, order: int) -> jax.Array:
     """Return the motion by Cayley series; ``CayleyTable`` says how."""
-    (leg,), (spins,) = run.legs, rest
-    hi, lo = jnp.broadcast_arrays(jnp.asarray(hi, leg.rows.dtype), jnp.asarray(lo, leg.rows.dtype))
-    dt_hi, dt_lo = evaluate._local(run, hi, lo)
-    index = leg.record(dt_hi, dt_lo)
-    spin = jnp.moveaxis(spins.at[index].get(mode="promise_in_bounds"), -1, 0)
-    times = jnp.moveaxis(leg.rows[..., -3:].at[index].get(mode="promise_in_bounds"), -1, 0)
-    tau = (dt_hi - times[0]) + (dt_lo - times[1])
-    reference = quat_mul(_turned(V3(*spin[4:7]), spin[7] * tau), Quat(*spin[:4]))
-    values = evaluate.evaluate(run, hi, lo, order)
-    zero = V3(0.0, 0.0, 0.0)
-    g, g1, g2 = (*(V3(*values[i : i + 3]) for i in range(0, len(values), 3)), zero, zero)[:3]
-    out = _cayley(g, g1, g2, reference, V3(*spin[4:7]) * (spin[7] * 2))
-    return take_apart(assemble(tuple(c for group in out[: order + 1] for c in group)))
+
+    def work(run: Run, spins: jax.Array, hi: jax.Array, lo: jax.Array, values: Sequence[jax.Array]) -> jax.Array:
+        (leg,) = run.legs
+        dt_hi, dt_lo = evaluate._local(run, hi, lo)
+        index = leg.record(dt_hi, dt_lo)
+        spin = jnp.moveaxis(rows_at(spins, index), -1, 0)
+        times = jnp.moveaxis(rows_at(leg.rows[..., -3:], index), -1, 0)
+        tau = (dt_hi - times[0]) + (dt_lo - times[1])
+        reference = quat_mul(_turned(V3(*spin[4:7]), spin[7] * tau), Quat(*spin[:4]))
+        zero = V3(0.0, 0.0, 0.0)
+        g, g1, g2 = (*(V3(*values[i : i + 3]) for i in range(0, len(values), 3)), zero, zero)[:3]
+        return _joined(_cayley(g, g1, g2, reference, V3(*spin[4:7]) * (spin[7] * 2)), order)
+
+    hi, lo = evaluate.recast(hi, lo, run.legs[0].rows.dtype)
+    return stage(work)(run, *rest, hi, lo, evaluate.evaluate(run, hi, lo, order))
+
+
+def _joined(motion: Sequence[Any], order: int) -> jax.Array:
+    return assemble(tuple(c for group in motion[: order + 1] for c in group))
 
 
 @functools.partial(jax.jit, static_argnums=(0, 1, 2))
 def _arrays(order: int, way: Any, mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any) -> tuple[jax.Array, ...]:
-    parts = way(mode, run, rest, hi, lo, order)
-    groups = [parts[:4], *(parts[i : i + 3] for i in range(4, len(parts), 3))]
-    return tuple(assemble(group) for group in groups)
+    whole = way(mode, run, rest, hi, lo, order)
+    return tuple(whole[..., a:b] for a, b in ((0, 4), (4, 7), (7, 10))[: order + 1])
 
 
 @family(static=("mode", "info"))
@@ -185,7 +191,7 @@ class CayleyTable(Attitude):
 
 def _outside(run: Run, dt_hi: jax.Array, dt_lo: jax.Array) -> jax.Array:
     since, until = evaluate._margins(run, dt_hi, dt_lo)
-    return jnp.where((since >= 0) & (until >= 0), np.zeros((), dt_hi.dtype), np.array(np.nan, dt_hi.dtype))
+    return select((since >= 0) & (until >= 0), np.zeros((), dt_hi.dtype), np.array(np.nan, dt_hi.dtype))
 
 
 def _turned(axis: V3, half: Component) -> Quat:

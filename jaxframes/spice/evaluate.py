@@ -2,12 +2,12 @@
 
 Why this shape. XLA:CPU keeps every step of a recurrence over a large batch in memory; blocks of some hundred epochs stay in cache
 (measured: four times faster). One gather takes a record's whole row; the block is then turned over so that each coefficient is
-contiguous. Derivatives with respect to time are the further recurrences themselves (``custom_jvp``), so the derivative of a position
+contiguous. Derivatives with respect to time are the further recurrences themselves, so the derivative of a position
 is the velocity, exactly, to any order.
 """
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -15,11 +15,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jax.custom_batching import custom_vmap
-from jax.custom_derivatives import SymbolicZero
 
-from jaxframes.numerics.boundary import assemble, take_apart
-from jaxframes.numerics.eft import two_sum
+from jaxframes.numerics.blocks import may_block
+from jaxframes.numerics.boundary import assemble
+from jaxframes.numerics.components import select
+from jaxframes.numerics.eft import recast_pair, two_sum
+from jaxframes.numerics.layout import like, rows_at
+from jaxframes.numerics.operation import elementwise
+from jaxframes.numerics.operation import run as operate
+from jaxframes.numerics.stages import by_platform, stage
 from jaxframes.spice.chebyshev import series
 from jaxframes.spice.legs import Leg
 
@@ -62,9 +66,15 @@ def evaluate(run: Run, hi: Any, lo: Any, order: int, vectors: bool = False) -> V
         derivatives too.
         Differentiable in time (exact, any order) and in the coefficients (linear); the records' grid counts as constant.
     """
-    dtype = run.legs[0].rows.dtype
-    hi, lo = jnp.broadcast_arrays(jnp.asarray(hi, dtype), jnp.asarray(lo, dtype))
-    return _differentiable(order, vectors)(run, hi, lo)
+    hi, lo = recast(hi, lo, run.legs[0].rows.dtype)
+    leaves, structure = jax.tree.flatten(run)
+    return tuple(operate(_Evaluation(structure, order, vectors), *leaves, hi, lo))
+
+
+def recast(hi: Any, lo: Any, dtype: Any) -> tuple[jax.Array, jax.Array]:
+    """Return epochs in the dtype of a table, of one shape; what a narrower high part cannot hold moves to the low part."""
+    hi, lo = jnp.broadcast_arrays(jnp.asarray(hi), jnp.asarray(lo))
+    return (hi, lo) if hi.dtype == lo.dtype == dtype else recast_pair(hi, lo, dtype)
 
 
 def coverage_code(run: Run, hi: jax.Array, lo: jax.Array) -> jax.Array:
@@ -73,85 +83,83 @@ def coverage_code(run: Run, hi: jax.Array, lo: jax.Array) -> jax.Array:
     return jnp.where(until < 0, 1, jnp.where(since >= 0, 0, -1)).astype(jnp.int32)
 
 
-@functools.cache
-def _differentiable(order: int, vectors: bool) -> Callable[..., Values]:
-    """Return the evaluation to an order, with its rule: each derivative's tangent is the next derivative times dt."""
-    width = 1 if vectors else 3
+class _Evaluation:
+    """The operation: of a run's leaves, then both parts of the epochs. Each derivative's tangent by time is the next derivative."""
 
-    @jax.custom_jvp
-    def values(run: Run, hi: jax.Array, lo: jax.Array) -> Values:
-        return _batched(order, vectors)(run, hi, lo)
+    def __init__(self, structure: Any, order: int, vectors: bool, blocks: bool = True):
+        self._structure, self._order, self._vectors, self._blocks = structure, order, vectors, blocks
 
-    def rule(primals: tuple[Run, jax.Array, jax.Array], tangents: Any) -> tuple[Values, Values]:
-        run, hi, lo = primals
-        d_run, d_hi, d_lo = tangents
-        further = _differentiable(order + 1, vectors)(run, hi, lo)
-        steps = [d for d in (d_hi, d_lo) if not isinstance(d, SymbolicZero)]
-        out = further[:-width]
-        moved = [jnp.zeros_like(v) for v in out]
+    def _taken(self, arrays: Sequence[Any]) -> tuple[Run, Any, Any]:
+        *leaves, hi, lo = arrays
+        return jax.tree.unflatten(self._structure, leaves), hi, lo
+
+    def results(self, *arrays: Any) -> list[jax.ShapeDtypeStruct]:
+        hi = arrays[-2]
+        count = (1 if self._vectors else 3) * (self._order + 1)
+        return [jax.ShapeDtypeStruct((*hi.shape, 3) if self._vectors else hi.shape, hi.dtype)] * count
+
+    def compute(self, *arrays: jax.Array) -> Values:
+        run, hi, lo = self._taken(arrays)
+        flat = (run, hi.reshape(-1), lo.reshape(-1))
+        ways = {"cpu": _in_blocks, "default": _plain}
+        if hi.size <= BLOCK or not self._blocks or not may_block(hi):
+            values = _plain(self._order, self._vectors, *flat)
+        else:
+            ways = {name: functools.partial(way, self._order, self._vectors) for name, way in ways.items()}
+            values = by_platform(*flat, **ways)
+        return tuple(v.reshape(hi.shape + v.shape[1:]) for v in values)
+
+    def derivative(self, primals: Sequence[jax.Array], tangents: Sequence[jax.Array | None]) -> tuple[Values, Sequence[jax.Array | None]]:
+        run, hi, lo = self._taken(primals)
+        width = 1 if self._vectors else 3
+        further = operate(_Evaluation(self._structure, self._order + 1, self._vectors, self._blocks), *primals)
+        out = tuple(further[:-width])
+        moved: list[jax.Array | None] = [None] * len(out)
+        steps = [d for d in tangents[-2:] if d is not None]
         if steps:
-            dt: jax.Array = functools.reduce(lambda a, b: a + b, steps)
-            moved = [v * (dt[..., None] if vectors else dt) for v in further[width:]]
-        if any(not isinstance(leg.rows, SymbolicZero) for leg in d_run.legs):
-            moved = [m + v for m, v in zip(moved, _by_coefficients(order, vectors, run, d_run, hi, lo), strict=True)]
-        return out, tuple(moved)
+            dt = functools.reduce(lambda a, b: a + b, steps)
+            moved = [v * (dt[..., None] if self._vectors else dt) for v in further[width:]]
+        places = range(len(tangents) - 2)
+        at = jax.tree.unflatten(self._structure, places)
+        rows = [tangents[leg.rows] for leg in at.legs]
+        if any(d is not None for d in rows):
+            more = _by_coefficients(self._order, self._vectors, run, rows, hi, lo)
+            moved = [v if m is None else m + v for m, v in zip(moved, more, strict=True)]
+        return out, moved
 
-    values.defjvp(rule, symbolic_zeros=True)
-    return values
+    def mapped(self, count: int, axes: Sequence[int | None], *arrays: jax.Array) -> Sequence[jax.Array]:
+        """Take a vmapped axis of epochs as a larger batch and not element by element, unless the tables differ."""
+        if any(axis is not None for axis in axes[:-2]):
+            return elementwise(_Evaluation(self._structure, self._order, self._vectors, False))(count, axes, *arrays)
+        epochs = (x if axis is not None else jnp.broadcast_to(x, (count, *x.shape)) for x, axis in zip(arrays[-2:], axes[-2:], strict=True))
+        return operate(self, *arrays[:-2], *epochs)
 
 
-def _by_coefficients(order: int, vectors: bool, run: Run, d_run: Run, hi: jax.Array, lo: jax.Array) -> Values:
+def _by_coefficients(
+    order: int, vectors: bool, run: Run, tangents: Sequence[jax.Array | None], hi: jax.Array, lo: jax.Array
+) -> Sequence[jax.Array]:
     """Return the change of the values with the coefficients: the same sums with the coefficients' tangents in their place."""
-    tangents = [None if isinstance(leg.rows, SymbolicZero) else leg.rows for leg in d_run.legs]
-    values = _components(order, run, hi, lo, tangents)
-    return _vectors(values) if vectors else values
 
+    def work(run: Run, tangents: Sequence[jax.Array | None], hi: jax.Array, lo: jax.Array) -> Sequence[jax.Array]:
+        values = _components(order, run, hi, lo, tangents)
+        return _vectors(values) if vectors else values
 
-@functools.cache
-def _batched(order: int, vectors: bool) -> Callable[..., Values]:
-    """Return the evaluation to an order, which takes a vmapped axis of epochs as a larger batch and not element by element."""
-
-    @custom_vmap
-    def values(run: Run, hi: jax.Array, lo: jax.Array) -> Values:
-        return _any_shape(order, vectors, run, hi, lo)
-
-    @values.def_vmap
-    def rule(axis_size: int, in_batched: Any, run: Run, hi: jax.Array, lo: jax.Array) -> tuple[Values, tuple[bool, ...]]:
-        run_batched, hi_batched, lo_batched = in_batched
-        batched = (True,) * ((1 if vectors else 3) * (order + 1))
-        if any(jax.tree.leaves(run_batched)):
-            axes = jax.tree.map(lambda b: 0 if b else None, (run_batched, hi_batched, lo_batched))
-            return jax.vmap(functools.partial(_plain, order, vectors), in_axes=axes, axis_size=axis_size)(run, hi, lo), batched
-        hi, lo = (x if b else jnp.broadcast_to(x, (axis_size, *x.shape)) for x, b in ((hi, hi_batched), (lo, lo_batched)))
-        return values(run, hi, lo), batched
-
-    return values
-
-
-def _any_shape(order: int, vectors: bool, run: Run, hi: jax.Array, lo: jax.Array) -> Values:
-    """Return the values for epochs of any shape: as one flat batch, in blocks on CPU where it is large."""
-    shape = hi.shape
-    flat = (run, hi.reshape(-1), lo.reshape(-1))
-    if hi.size <= BLOCK:
-        values = take_apart(assemble(_components(order, *flat)))
-        values = _vectors(values) if vectors else values
-    else:
-        ways = (functools.partial(way, order, vectors) for way in (_in_blocks, _plain))
-        values = lax.platform_dependent(*flat, **dict(zip(("cpu", "default"), ways, strict=True)))
-    return tuple(v.reshape(shape + v.shape[1:]) for v in values)
+    return stage(work)(run, tangents, hi, lo)
 
 
 def _plain(order: int, vectors: bool, run: Run, hi: jax.Array, lo: jax.Array) -> Values:
-    values = _components(order, run, hi, lo)
-    return _vectors(values) if vectors else values
+    """Return the values of a batch of any shape at once."""
+
+    def work(run: Run, hi: jax.Array, lo: jax.Array) -> Values:
+        values = _components(order, run, hi, lo)
+        return _vectors(values) if vectors else values
+
+    return stage(work)(run, hi, lo)
 
 
 def _vectors(components: Values) -> Values:
-    """Return arrays [..., 3] of components, by selects alone: what they are made of, or become, is fenced already."""
-    index = lax.broadcasted_iota(jnp.int32, (*components[0].shape, 3), components[0].ndim)
-    columns = [c[..., None] for c in components]
-    triples = [columns[i : i + 3] for i in range(0, len(columns), 3)]
-    return tuple(jnp.where(index == 0, x, jnp.where(index == 1, y, z)) for x, y, z in triples)
+    """Return arrays [..., 3] of components."""
+    return tuple(assemble(components[i : i + 3]) for i in range(0, len(components), 3))
 
 
 def _in_blocks(order: int, vectors: bool, run: Run, hi: jax.Array, lo: jax.Array) -> Values:
@@ -170,7 +178,8 @@ def _in_blocks(order: int, vectors: bool, run: Run, hi: jax.Array, lo: jax.Array
         return tuple(_with_columns(o, values[3 * k : 3 * k + 3], at) for k, o in enumerate(out))
 
     empty = jnp.empty((count, 3) if vectors else (count,), hi.dtype)
-    return lax.fori_loop(0, -(-count // BLOCK), block, (empty,) * ((1 if vectors else 3) * (order + 1)))
+    start = (like(empty, hi, lo),) * ((1 if vectors else 3) * (order + 1))
+    return lax.fori_loop(0, -(-count // BLOCK), block, start)
 
 
 def _with_columns(out: jax.Array, columns: Sequence[jax.Array], at: jax.Array) -> jax.Array:
@@ -199,7 +208,7 @@ def _components(order: int, run: Run, hi: jax.Array, lo: jax.Array, tangents: Se
     dt_hi, dt_lo = _local(run, hi, lo)
     since, until = _margins(run, dt_hi, dt_lo)
     # Added to the argument, not selected afterwards: so the NaN is in every derivative too.
-    outside = jnp.where((since >= 0) & (until >= 0), np.zeros((), hi.dtype), np.array(np.nan, hi.dtype))
+    outside = select((since >= 0) & (until >= 0), np.zeros((), hi.dtype), np.array(np.nan, hi.dtype))
     used = [(leg, leg.rows) for leg in run.legs] if tangents is None else zip(run.legs, tangents, strict=True)
     parts = [_leg(order, leg, rows, dt_hi, dt_lo, outside) for leg, rows in used if rows is not None]
     return tuple(functools.reduce(lambda a, b: a + b, terms) for terms in zip(*parts, strict=True))
@@ -207,8 +216,8 @@ def _components(order: int, run: Run, hi: jax.Array, lo: jax.Array, tangents: Se
 
 def _leg(order: int, leg: Leg, rows: jax.Array, dt_hi: jax.Array, dt_lo: jax.Array, outside: jax.Array) -> list[jax.Array]:
     index = leg.record(dt_hi, dt_lo)
-    place = jnp.moveaxis(leg.rows.at[index].get(mode="promise_in_bounds"), -1, 0)
-    row = place if rows is leg.rows else jnp.moveaxis(rows.at[index].get(mode="promise_in_bounds"), -1, 0)
+    place = jnp.moveaxis(rows_at(leg.rows, index), -1, 0)
+    row = place if rows is leg.rows else jnp.moveaxis(rows_at(rows, index), -1, 0)
     middle_hi, middle_lo, radius = place[-3], place[-2], place[-1]
     s = (((dt_hi - middle_hi) + (dt_lo - middle_lo)) + outside) / radius
     out: list[list[jax.Array]] = [[] for _ in range(order + 1)]

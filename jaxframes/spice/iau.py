@@ -11,12 +11,16 @@ from jaxframes.errors import MissingInputError
 from jaxframes.numerics.boundary import assemble, default_float, is_concrete, parameters, take_apart
 from jaxframes.numerics.components import V3, Component, Quat, add, add_all, mul, neg
 from jaxframes.numerics.eft import recast_pair, two_sum
-from jaxframes.numerics.rigid import AT_REST
-from jaxframes.numerics.steps import Step, append
+from jaxframes.numerics.extension import extend
+from jaxframes.numerics.packed import Kind
+from jaxframes.numerics.source import source_of
+from jaxframes.numerics.stages import stage
+from jaxframes.numerics.steps import Step
 from jaxframes.numerics.trig import sin_cos
 from jaxframes.numerics.turns import turned
+from jaxframes.spice.evaluate import recast
 from jaxframes.spice.info import Info
-from jaxframes.spice.tables import checked_order, turns, two_parts
+from jaxframes.spice.tables import attitude_of, checked_order, turns, two_parts
 from jaxframes.spice.times import split
 from jaxframes.tree.edges.base import Edge, Inputs, family
 
@@ -68,7 +72,8 @@ class IauOrientation(Edge):
         """Return three turns: about z by ra + 90 deg, about x by 90 deg - dec, about z by the prime meridian."""
         if inputs.time is None:
             raise MissingInputError(f"{self.describe()} depends on time: give the state one, tree.state(time=...).")
-        values = take_apart(assemble(self._angles(*inputs.time, order)))  # fenced: whoever reads them does not compute them again
+        hi, lo = inputs.time
+        values = take_apart(stage(lambda: assemble(self._angles(hi, lo, order)))())
         triples = tuple(V3(*values[i : i + 3]) for i in range(0, len(values), 3))
         return turns(Quat(*parameters(self.placement, inputs.batch_rank)), triples)
 
@@ -191,9 +196,6 @@ def _chain(value: Component, slope: Component, angle: tuple[Component, ...]) -> 
 @functools.partial(jax.jit, static_argnums=0)
 def _evaluate(order: int, edge: IauOrientation, hi: Any, lo: Any) -> tuple[jax.Array, ...]:
     dtype = edge.phases.dtype
-    hi, lo = jnp.broadcast_arrays(jnp.asarray(hi, dtype), jnp.asarray(lo, dtype))
-    motion = AT_REST
-    for step in edge.steps(Inputs(time=(hi, lo)), order):
-        motion = append(motion, step, order)
-    results = (motion.rotation, motion.angular, motion.angular2)
-    return tuple(assemble(tuple(r), hi.shape, dtype) for r in results[: order + 1])
+    hi, lo = recast(hi, lo, dtype)
+    steps = source_of(lambda steps: steps, edge.steps(Inputs(time=(hi, lo)), order))
+    return attitude_of(extend((), steps, Kind(hi.shape, dtype, order)))

@@ -91,7 +91,7 @@ def attitude(
     measured = _measured(intervals, t0, t1)
     if parts is not None:
         intervals, t0, t1 = _within(*_dated(parts, clock), low, high)
-    last = max(Fraction(t1[0][-1]) + Fraction(t1[1][-1]), bounds[1])
+    last = max(_exact(t1, -1), bounds[1])
     reference = reference_day(bounds[0])
     starts, rows, gaps = _rows(intervals, t0, t1, reference, ck)
     index, compares = build.index(starts, last - reference)
@@ -207,7 +207,7 @@ def _rows(
     nothing = np.zeros(rows.shape[1])
     nothing[[0, 4]], nothing[-1] = 1.0, np.nan
     empty = np.flatnonzero(t0[0][1:] - t1[0][:-1] > 2 * float(GRACE))
-    gaps = [tuple(Fraction(t[0][i]) + Fraction(t[1][i]) + reference for t, i in ((until, e), (past, e + 1))) for e in empty]
+    gaps = [(_exact(until, e) + reference, _exact(past, e + 1) + reference) for e in empty]
     shift = np.where(late, float(HANDOVER), 0.0)
     shift[empty + 1] = -float(GRACE)
     serve = doubles.add(past, (shift, np.zeros(len(shift))))
@@ -243,8 +243,11 @@ def _covered(t0: doubles.Pair, t1: doubles.Pair) -> list[Span]:
     """Return the spans that intervals cover, merged where they touch."""
     breaks = np.flatnonzero(t0[0][1:] - t1[0][:-1] > 2 * float(GRACE))
     first, last = [0, *(breaks + 1)], [*breaks, len(t0[0]) - 1]
-    exact = lambda pair, i: Fraction(pair[0][i]) + Fraction(pair[1][i])  # noqa: E731
-    return [(exact(t0, a), exact(t1, b)) for a, b in zip(first, last, strict=True)]
+    return [(_exact(t0, a), _exact(t1, b)) for a, b in zip(first, last, strict=True)]
+
+
+def _exact(times: doubles.Pair, i: int) -> Fraction:
+    return Fraction(times[0][i]) + Fraction(times[1][i])
 
 
 def _uncovered(

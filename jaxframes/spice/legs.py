@@ -9,6 +9,7 @@ import numpy as np
 from jax import lax
 
 from jaxframes.numerics.boundary import default_float
+from jaxframes.numerics.layout import rows_at
 from jaxframes.spice.times import split
 
 RESOLVED = 2.0**-18
@@ -77,12 +78,13 @@ class Leg:
         origin_hi, origin_lo, width = (self.grid[i] for i in range(3))
         cells = self.rows.shape[0] if self.first is None else self.first.shape[0]
         position = jnp.floor(((dt_hi - origin_hi) + (dt_lo - origin_lo)) / width)
-        cell = _bounded(jnp.clip(position, 0, cells - 1).astype(jnp.int32), cells)
+        first, last = (np.array(x, position.dtype) for x in (0, cells - 1))
+        cell = _bounded(lax.clamp(first, position, last).astype(jnp.int32), cells)
         if self.first is None or self.ends is None:
             return cell
-        index = self.first.at[cell].get(mode="promise_in_bounds").astype(jnp.int32)
+        index = rows_at(self.first[:, None], cell)[..., 0].astype(jnp.int32)
         for _ in range(self.compares):
-            end = self.ends.at[index].get(mode="promise_in_bounds")
+            end = rows_at(self.ends, index)
             index = index + (((dt_hi - end[..., 0]) + (dt_lo - end[..., 1])) >= 0).astype(jnp.int32)
             index = _bounded(index, self.rows.shape[0])
         return index

@@ -59,11 +59,13 @@ def stretches_of(kernels: "Kernels", request: "Request") -> tuple[list[Stretch],
     if low is not None and high is not None and low >= high:
         raise CoverageError(f"start lies at or after stop: {span_text(low, high)}. A table needs a span of time.")
     found = reach(kernels, of).both(reach(kernels, request.base))
-    if found.spans is None and (low is None or high is None):
-        raise CoverageError(f"{of['name']} has no coverage of its own: give start= and stop=.")
-    if found.spans == []:
+    windows = [_window(*span, found) for span in found.spans or ()]
+    if found.spans is None:
+        if low is None or high is None:
+            raise CoverageError(f"{of['name']} has no coverage of its own: give start= and stop=.")
+        windows = [Stretch.whole(low, high)]
+    elif not windows:
         raise CoverageError(f"The data of {of['name']} and those of {request.base['name']} have no time in common.")
-    windows = [Stretch.whole(low, high)] if found.spans is None else [_window(*span, found) for span in found.spans]
     asked = (windows[0].start if low is None else low, windows[-1].stop if high is None else high)
     cuts = _switches(kernels, of) if of["class"] == SWITCH else []
     out: list[Stretch] = []

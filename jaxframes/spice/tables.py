@@ -8,11 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import EdgeError, MissingInputError
-from jaxframes.numerics.boundary import assemble, default_float, parameters
+from jaxframes.numerics.boundary import default_float, parameters
 from jaxframes.numerics.components import V3, Component, Quat
 from jaxframes.numerics.eft import recast_pair
-from jaxframes.numerics.rigid import AT_REST, Rigid
-from jaxframes.numerics.steps import Coordinate, Step, Turn, append
+from jaxframes.numerics.extension import extend
+from jaxframes.numerics.packed import Kind, Packed
+from jaxframes.numerics.rigid import Rigid
+from jaxframes.numerics.source import source_of
+from jaxframes.numerics.steps import Coordinate, Step, Turn
 from jaxframes.spice import evaluate, two_part
 from jaxframes.spice.evaluate import Run
 from jaxframes.spice.info import Info
@@ -229,9 +232,12 @@ def _translation(order: int, run: Run, hi: Any, lo: Any) -> tuple[jax.Array, ...
 
 @functools.partial(jax.jit, static_argnums=0)
 def _orientation(order: int, run: Run, placement: jax.Array, hi: Any, lo: Any) -> tuple[jax.Array, ...]:
-    motion = AT_REST
-    shape = jnp.broadcast_shapes(jnp.shape(hi), jnp.shape(lo))
-    for step in turns(Quat(*parameters(placement)), _triples(evaluate.evaluate(run, hi, lo, order))):
-        motion = append(motion, step, order)
-    results = (motion.rotation, motion.angular, motion.angular2)
-    return tuple(assemble(tuple(r), shape, run.legs[0].rows.dtype) for r in results[: order + 1])
+    values = evaluate.evaluate(run, hi, lo, order)
+    steps = source_of(lambda placement, values: turns(Quat(*parameters(placement)), _triples(values)), placement, values)
+    return attitude_of(extend((), steps, Kind(values[0].shape, values[0].dtype, order)))
+
+
+def attitude_of(motion: Packed) -> tuple[jax.Array, ...]:
+    """Return the quaternion [..., 4], angular velocity and angular acceleration [..., 3] of a motion."""
+    pose, *sixes = motion
+    return pose[..., :4], *(six[..., :3] for six in sixes)

@@ -9,6 +9,8 @@ from jax import lax
 
 from jaxframes.numerics.boundary import assemble
 from jaxframes.numerics.eft import fast_two_sum, two_product, two_sum
+from jaxframes.numerics.layout import rows_at
+from jaxframes.numerics.stages import stage
 from jaxframes.spice import evaluate
 from jaxframes.spice.evaluate import Run
 from jaxframes.spice.legs import LOW_TERMS, Leg
@@ -19,11 +21,15 @@ Two = tuple[jax.Array, jax.Array]
 @jax.jit
 def position(run: Run, hi: Any, lo: Any) -> Two:
     """Return a table's value at epochs (hi, lo) as arrays hi and lo [..., 3]; NaN outside the coverage."""
-    dtype = run.legs[0].rows.dtype
-    hi, lo = jnp.broadcast_arrays(jnp.asarray(hi, dtype), jnp.asarray(lo, dtype))
-    dt = evaluate._local(run, lax.stop_gradient(hi), lax.stop_gradient(lo))
-    totals = [functools.reduce(_add, parts) for parts in zip(*(_leg(leg, *dt) for leg in run.legs), strict=True)]
-    high, low = (assemble(tuple(lax.stop_gradient(t[k]) for t in totals)) for k in (0, 1))
+    hi, lo = evaluate.recast(hi, lo, run.legs[0].rows.dtype)
+
+    def work(run: Run, hi: jax.Array, lo: jax.Array) -> Two:
+        dt = evaluate._local(run, hi, lo)
+        totals = [functools.reduce(_add, parts) for parts in zip(*(_leg(leg, *dt) for leg in run.legs), strict=True)]
+        high, low = (assemble(tuple(t[k] for t in totals)) for k in (0, 1))
+        return high, low
+
+    high, low = stage(work)(*lax.stop_gradient((run, hi, lo)))
     # The plain value carries the derivative and the NaN outside; its own number cancels.
     (plain,) = evaluate.evaluate(run, hi, lo, 0, vectors=True)
     return high + (plain - lax.stop_gradient(plain)), low
@@ -31,10 +37,10 @@ def position(run: Run, hi: Any, lo: Any) -> Two:
 
 def _leg(leg: Leg, dt_hi: jax.Array, dt_lo: jax.Array) -> list[Two]:
     index = leg.record(dt_hi, dt_lo)
-    row = jnp.moveaxis(leg.rows.at[index].get(mode="promise_in_bounds"), -1, 0)
+    row = jnp.moveaxis(rows_at(leg.rows, index), -1, 0)
     terms, count = leg.terms, min(LOW_TERMS, leg.terms)
     zero = jnp.zeros_like(dt_hi)
-    low = None if leg.low is None else jnp.moveaxis(leg.low.at[index].get(mode="promise_in_bounds"), -1, 0)
+    low = None if leg.low is None else jnp.moveaxis(rows_at(leg.low, index), -1, 0)
     past = _add(two_sum(dt_hi, -row[-3]), two_sum(dt_lo, -row[-2]))
     s = _divide(past, (row[-1], zero if low is None else low[-1]))
     twice = (s[0] * 2, s[1] * 2)

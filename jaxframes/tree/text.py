@@ -107,14 +107,21 @@ def path_in_state(tree: Any, state: State | None, of: str, relative_to: str) -> 
 def explain(tree: Any, of: str, relative_to: str, state: State | None) -> str:
     """Return text about the path of a query."""
     topology = tree.topology
-    if topology.islands[topology.index(of)] != topology.islands[topology.index(relative_to)] and state is None:
+    crossing = topology.islands[topology.index(of)] != topology.islands[topology.index(relative_to)]
+    if crossing and state is None:
         loose = [tree.names[i] for i in dict.fromkeys(topology.islands[topology.index(n)] for n in (relative_to, of)) if i]
         where = "; ".join(f"{name!r} [{tree.edge(name).describe()}], declared on {tree.parent(name)!r}" for name in loose)
         return f"{relative_to} -> {of}: the path is data in the state (links composed by pointer doubling): {where}"
     path = path_in_state(tree, state, of, relative_to)
     up = [name for name, direction in path if direction < 0]
     meet = tree.parent(up[-1], state) if up else relative_to
-    head = f"{relative_to} -> {of}: {len(path)} edges through their common ancestor {meet!r}, {along_path(len(path))}"
+    down = [topology.index(name) for name, direction in path if direction > 0]
+    way = (
+        "static parts one after another, links by pointer doubling"
+        if crossing
+        else along_path(tree, [*map(topology.index, up[::-1])], down)
+    )
+    head = f"{relative_to} -> {of}: {len(path)} edges through their common ancestor {meet!r}, {way}"
     rows = []
     for name, direction in path:
         edge = tree.edge(name)

@@ -1,0 +1,91 @@
+"""Columns: components put together to an array [..., k] and taken out of one; each operation's transpose is the other.
+
+They are primitives of their own because of their derivatives. Written with ``stack`` or ``[..., i]``, their transposes are pads and
+sums over the last axis, on which XLA:CPU spends several times what the arithmetic between them costs (measured: gradients of a pose
+take two, of a motion seven times as long). Here assembling is a chain of selects over the last axis, a column a slice, and the transpose of
+either is the other: so a derivative is as few loops as the function itself.
+"""
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jax.extend.core import Primitive
+from jax.interpreters import ad, batching, mlir
+
+from jaxframes.numerics.layout import alike, is_explicit
+
+
+def joined(components: Sequence[jax.Array]) -> jax.Array:
+    """Return the array [..., k] of k components of one shape and dtype."""
+    return _join.bind(*components)
+
+
+def column(array: jax.Array, index: int) -> jax.Array:
+    """Return one component of an array [..., k]."""
+    return _take.bind(array, index=index)
+
+
+def _joined(*components: jax.Array) -> jax.Array:
+    k, first = len(components), components[0]
+    place = _places(first, k)
+    out = _repeated(components[-1], k)
+    for i in range(k - 2, -1, -1):
+        out = lax.select(lax.eq(place, lax.full_like(place, i)), _repeated(components[i], k), out)
+    return out
+
+
+def _taken(array: jax.Array, *, index: int) -> jax.Array:
+    return lax.index_in_dim(array, index, array.ndim - 1, keepdims=False)
+
+
+def _put(component: jax.Array, *, index: int, count: int) -> jax.Array:
+    """Return an array [..., count] that holds a component at one place and zeros elsewhere."""
+    place, wide = _places(component, count), _repeated(component, count)
+    return lax.select(lax.eq(place, lax.full_like(place, index)), wide, lax.full_like(wide, 0))
+
+
+def _repeated(component: jax.Array, count: int) -> jax.Array:
+    return lax.broadcast_in_dim(component, (*component.shape, count), range(component.ndim))
+
+
+def _places(component: jax.Array, count: int) -> jax.Array:
+    """Return the places of the last axis, where those of a sharded component are."""
+    place = lax.broadcasted_iota(np.int32, (*component.shape, count), component.ndim)
+    return lax.full_like(_repeated(component, count), 0, np.int32) + place if is_explicit(component) else place
+
+
+def _primitive(name: str, function: Callable[..., jax.Array], transpose: Callable[..., list[Any]]) -> Primitive:
+    made = Primitive(name)
+
+    @functools.lru_cache(maxsize=4096)
+    def kind(*kinds: Any, **options: Any) -> Any:
+        return jax.make_jaxpr(functools.partial(function, **options))(*kinds).out_avals[0]
+
+    @functools.cache
+    def compiled(options: tuple[tuple[str, Any], ...]) -> Callable[..., jax.Array]:
+        return jax.jit(functools.partial(function, **dict(options)))
+
+    def batched(arguments: Sequence[jax.Array], axes: Sequence[int | None], **options: Any) -> tuple[jax.Array, int]:
+        count = next(a.shape[axis] for a, axis in zip(arguments, axes, strict=True) if axis is not None)
+        aligned = (
+            jnp.broadcast_to(a, (count, *a.shape)) if axis is None else jnp.moveaxis(a, axis, 0)
+            for a, axis in zip(arguments, axes, strict=True)
+        )
+        return made.bind(*alike(*aligned), **options), 0
+
+    made.def_abstract_eval(kind)
+    made.def_impl(lambda *arrays, **options: compiled(tuple(options.items()))(*arrays))
+    mlir.register_lowering(made, mlir.lower_fun(function, multiple_results=False))
+    ad.deflinear2(made, transpose)
+    batching.primitive_batchers[made] = batched
+    return made
+
+
+_join = _primitive("join_columns", _joined, lambda ct, *components: [column(ct, i) for i in range(len(components))])
+_take = _primitive("take_column", _taken, lambda ct, array, *, index: [_place.bind(ct, index=index, count=array.aval.shape[-1])])
+_place = _primitive("place_column", _put, lambda ct, component, *, index, count: [column(ct, index)])
