@@ -5,6 +5,8 @@ import re
 import jax
 
 COMPUTATION = re.compile(r"^%?(?:fused_computation|region|wrapped)[\w.\-]*[^\n]*\{$(.*?)^\}", re.MULTILINE | re.DOTALL)
+STAGE = re.compile(r"call @([\w.]+)\(.*inlineable = .false.")
+FUNCTION = re.compile(r"^  func\.func (?:public|private) @([\w.]+)\([^\n]*\{$(.*?)^  \}", re.MULTILINE | re.DOTALL)
 DOT = re.compile(r"stablehlo\.(dot_general|dot|convolution)\b[^\n]*")
 
 
@@ -12,6 +14,19 @@ def products(function, *arguments, platforms=("cpu", "cuda")):
     """Return the text of every matrix product in the lowered program of a function."""
     text = jax.jit(function).trace(*arguments).lower(lowering_platforms=platforms).as_text()
     return [match.group(0) for match in DOT.finditer(text)]
+
+
+def stages(function, *arguments, platforms=("cpu",)):
+    """Return how many parts of the lowered program of a function are kept apart."""
+    text = jax.jit(function).trace(*arguments).lower(lowering_platforms=platforms).as_text()
+    return len(STAGE.findall(text))
+
+
+def calls_within_stages(function, *arguments):
+    """Return the names of stages of a function's lowered program that call something in turn: it would not be fused with the rest."""
+    text = jax.jit(function).trace(*arguments).lower(lowering_platforms=("cpu",)).as_text()
+    bodies = dict(FUNCTION.findall(text))
+    return [name for name in set(STAGE.findall(text)) if "call @" in bodies[name]]
 
 
 def assert_highest_precision(function, *arguments):

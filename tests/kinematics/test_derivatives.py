@@ -118,3 +118,5 @@ def test_the_way_is_explained(rng):
     assert "unrolled" in arm(rng, 3).explain()
     assert "in segments" in chain(rng, FEWEST).explain()
     assert "composed one after another" in arm(rng, 3).explain(of="m2", relative_to="j0")
+    assert "in 2 pieces of up to 5 moving edges" in arm(rng, 10).explain(of="m9", relative_to="world")
+    assert "by a scan over 13 alike pieces of 5 edges" in chain(rng, 65).explain(of="64", relative_to="world")

@@ -124,3 +124,36 @@ def test_new_prescribed_values_and_attachments_never_retrace(dtype):
     np.testing.assert_array_equal(ask(state), [1, 2, 3])
     state = tree.set_motion(tree.detach(state, "load"), "load", jf.Transform.from_translation(np.array([4.0, 5.0, 6.0])))
     np.testing.assert_array_equal(ask(state), [4, 5, 6])
+
+
+@pytest.mark.float64
+def test_a_few_robots_among_many_satellites(rng):
+    """Wide and deep parts, tables, joints and prescribed frames in one tree that goes by level: as one query for each frame."""
+    b = jf.TreeBuilder(root="emb")
+    b.add("earth", parent="emb", edge=jf.spice.example_tables()["earth"])
+    panel = jf.edges.Revolute(axis=(0, 1, 0), placement=jf.Transform.from_translation((0.0, 1.0, 0.0)))
+    for i in range(150):
+        b.add(f"sat{i}", parent="earth", edge=jf.edges.Prescribed())
+        b.add(f"panel{i}", parent=f"sat{i}", edge=panel)
+    for k in range(2):
+        for j in range(5):
+            kind = jf.edges.Prismatic if j == 2 else jf.edges.Revolute
+            edge = kind(axis=rng.normal(size=3), placement=jf.Transform.from_translation(rng.normal(size=3)))
+            b.add(f"arm{k}/{j}", parent=f"arm{k}/{j - 1}" if j else f"sat{k}", edge=edge)
+    tree = b.build()
+    assert "by level, all frames of a level at a time" in tree.explain()
+    q, qd, qdd = rng.normal(size=(3, tree.nq))
+    state = tree.state(q=q, qd=qd, qdd=qdd, time=jf.Epoch.from_tdb("2026-05-01T06:00:00"))
+    count = len([name for name in tree.names if name.startswith("sat")])
+    wxyz = rng.normal(size=(count, 4))
+    poses = jf.Transform(jf.Rotation.from_quaternion_wxyz(wxyz / np.linalg.norm(wxyz, axis=1)[:, None]), 7e6 * rng.normal(size=(count, 3)))
+    speeds = jf.SpatialVelocity(*rng.normal(size=(2, count, 3))), jf.SpatialAcceleration(*rng.normal(size=(2, count, 3)))
+    state = state.replace(prescribed=jf.Motion(poses, *speeds))
+    whole = jax.jit(tree.world_motions)(state)
+    seen = jax.jit(lambda s: tree.relative_transforms(s, relative_to="arm1/4"))(state)
+    ask = jax.jit(lambda s: [tree.motion(s, of=name, relative_to="emb") for name in ("arm0/4", "arm1/2", "panel0", "panel149", "sat77")])
+    for name, one in zip(("arm0/4", "arm1/2", "panel0", "panel149", "sat77"), ask(state), strict=True):
+        for mine, theirs in zip(parts(whole[tree.names.index(name)]), parts(one), strict=True):
+            assert np.abs(mine - theirs).max() <= 1e-12 * max(1.0, np.abs(theirs).max()), name
+    pair = jax.jit(lambda s: tree.transform(s, of="arm1/0", relative_to="arm1/4").translation)(state)
+    assert np.abs(seen.translation[tree.names.index("arm1/0")] - pair).max() <= 1e-8  # of the way by the root, 1e7 m off

@@ -1,13 +1,17 @@
-"""Programs of tree queries: every dot is of the highest precision, on every platform, and only CPU programs hold fences."""
+"""Programs of tree queries: no dot of lower precision on any platform, and only CPU programs hold stages and polynomials."""
 
 import functools
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import pytest
 
 import jaxframes as jf
-from tests.lowered import assert_highest_precision, products
+from jaxframes.kinematics import whole
+from tests.lowered import assert_highest_precision, stages
+
+PANDA = Path(__file__).resolve().parent.parent / "data/robots/panda.urdf"
 
 
 def scene():
@@ -35,11 +39,23 @@ QUERIES = {
 
 
 @pytest.mark.parametrize("name", QUERIES)
-def test_every_dot_has_the_highest_precision_and_is_a_fence(name, dtype):
+def test_only_cpu_programs_hold_what_cpus_need(name, dtype):
     tree = scene()
     ask = functools.partial(QUERIES[name], tree)
     state = tree.state(time=jf.Epoch.from_tdb("2026-05-01"))
     assert_highest_precision(ask, state)
-    assert products(ask, state, platforms=("cpu",))
-    for platform in ("cuda", "tpu"):  # no fence where none is needed
-        assert not products(ask, state, platforms=(platform,))
+    assert stages(ask, state, platforms=("cpu",))
+    for platform in ("cuda", "tpu"):
+        text = jax.jit(ask).trace(state).lower(lowering_platforms=(platform,)).as_text()
+        assert "inlineable" not in text
+        assert "round_nearest_even" not in text, "sine and cosine are the platform's own"
+        assert "stablehlo.while" not in text or name in ("jacobian_dot", "through an attachable"), "batches are not cut into blocks"
+
+
+def test_large_batches_are_cut_into_blocks_on_a_cpu_alone():
+    tree = jf.load_urdf(PANDA)
+    q = jnp.zeros((whole.BLOCK * 3 + 7, tree.nq))
+    ask = lambda q: tree.world_transforms(tree.state(q=q))
+    for platform, loops in (("cpu", True), ("cuda", False), ("tpu", False)):
+        text = jax.jit(ask).trace(q).lower(lowering_platforms=(platform,)).as_text()
+        assert ("stablehlo.while" in text) == loops
