@@ -56,7 +56,13 @@ def loop(call: Callable[[float], Any], seconds: np.ndarray) -> Callable[[], Any]
 
 
 def table(
-    title: str, ours: Mapping[str, Callable[[Any], Any]], epochs: np.ndarray, peers: Mapping[str, Peer], judged: str, rounds: int
+    title: str,
+    ours: Mapping[str, Callable[[Any], Any]],
+    epochs: np.ndarray,
+    peers: Mapping[str, Peer],
+    judged: str,
+    rounds: int,
+    bounded: tuple[str, str] | None = None,
 ) -> None:
     """Time our functions of a batch of epochs against peers and print nanoseconds a state and ratios.
 
@@ -67,6 +73,7 @@ def table(
         peers: The contenders by name.
         judged: Which of ours is held to the peers' targets, by the minimum of both.
         rounds: How many times each runs, all in turn.
+        bounded: One of ours that is to cost at most as much as another, and that other.
     """
     print(title)
     times, contenders = jnp.asarray(epochs), {name: peer.run for name, peer in peers.items()}
@@ -79,6 +86,9 @@ def table(
     for name, (least, median) in ns.items():
         ratios = "".join(f"  {ns[p][0] / least:8.1f} x {p}" for p in peers) if name in ours else ""
         print(f"  {name:38s} {least:9.1f} ns minimum {median:9.1f} median{ratios}")
+    if bounded is not None:
+        ratio = ns[bounded[0]][0] / ns[bounded[1]][0]
+        print(f"  {bounded[0]} costs {ratio:.2f} times {bounded[1]}, target 1{'' if ratio <= 1 else ': MISSED'}")
     for name, peer in peers.items():
         if peer.target is not None:
             ratio = ns[name][0] / ns[judged][0]

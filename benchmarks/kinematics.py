@@ -3,6 +3,9 @@
 Run: ``python benchmarks/kinematics.py [--batch N] [--talos talos_full_v2.urdf]``. Peers that are not installed are left out with a line
 that names the package (``pin``, ``jaxlie``, ``brax``, ``mujoco-mjx``). Pinocchio runs on one thread, called sample by sample from Python;
 the same call on a model without joints is subtracted, so that its C++ alone is counted.
+
+Results of many frames are large: most of their time goes into memory that is new to the process (docs/performance.md). glibc's huge pages
+halve it: ``GLIBC_TUNABLES=glibc.malloc.hugetlb=1 python benchmarks/kinematics.py``.
 """
 
 import argparse
@@ -63,7 +66,8 @@ def row(
     runs = interleaved({"": lambda: made(*arguments), **{name: run for name, (run, _, _) in rivals.items()}}, 15)
     mine = nanoseconds(runs[""], samples)[0]
     text = ", ".join(f"{(nanoseconds(runs[name], count)[0] - spent) / mine:.1f}x {name}" for name, (_, count, spent) in rivals.items())
-    print(f"{what:58s} {mine:8.1f} ns a sample, compiled in {seconds:4.1f} s   {text}", flush=True)
+    size = sum(" = " in line for line in made.as_text().splitlines())
+    print(f"{what:58s} {mine:8.1f} ns a sample, compiled in {seconds:4.1f} s ({size} instructions)   {text}", flush=True)
     return mine
 
 

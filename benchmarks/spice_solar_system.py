@@ -52,7 +52,8 @@ def main(epochs: int) -> None:
     peers = {"spkezr": Peer(loop(lambda t: [spiceypy.spkezr(b, t, "J2000", "NONE", "SSB") for b in BODIES], some), LOOP, 40)}
     if fast:
         peers["cyice"] = Peer(lambda: [fast.spkezr_v(b, many, "J2000", "NONE", "SSB") for b in BODIES], len(many))
-    table("Twelve bodies from the Solar System barycentre", ours, times, peers, "positions + velocities + accelerations", ROUNDS)
+    bounded = ("gradient of the distances", "positions + velocities")
+    table("Twelve bodies from the Solar System barycentre", ours, times, peers, "positions + velocities + accelerations", ROUNDS, bounded)
     print()
 
     def moon(t: Any) -> Any:

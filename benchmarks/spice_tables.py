@@ -45,7 +45,7 @@ def main(epochs: int) -> None:
         peers["ANISE"] = Peer(run, MANY, 8)
     ours: dict[str, Any] = {name: lambda t, k=k: moon.evaluate(t, k) for k, name in enumerate(names)}
     ours["gradient of the distance"] = jax.grad(lambda t: jnp.sum(jnp.linalg.norm(moon.evaluate(t, 0)[0], axis=-1)))
-    table("Moon from the Earth", ours, times, peers, names[2], ROUNDS)
+    table("Moon from the Earth", ours, times, peers, names[2], ROUNDS, ("gradient of the distance", names[1]))
     p, v = (np.asarray(x) for x in moon.evaluate(times[:5000], order=1))
     reference = np.array([spiceypy.spkezr("MOON", t, "J2000", "NONE", "EARTH")[0] for t in times[:5000]]) * 1e3
     print(f"  largest difference: {np.abs(p - reference[:, :3]).max():.2g} m, {np.abs(v - reference[:, 3:]).max():.2g} m/s\n")
