@@ -57,8 +57,10 @@ def host_pair(seconds: Any, refusal: str) -> Pair:
     except ValueError as error:  # rows of unequal length
         raise FrameError(f"{refusal}, found {seconds!r}: {error}") from None
     if array.dtype.kind == "f":
-        high = array.astype(np.float64)
-        return high, (array - high).astype(np.float64) if array.dtype.itemsize > 8 else np.zeros(array.shape)
+        high, low = array.astype(np.float64), np.zeros(array.shape)
+        if array.dtype.itemsize > 8:
+            np.subtract(array, high, out=low, where=np.isfinite(high), casting="same_kind")
+        return high, low
     if array.dtype.kind in "iu":
         return _integers(array)
     if array.dtype.kind == "m":

@@ -79,8 +79,10 @@ def recast(hi: Any, lo: Any, dtype: Any) -> tuple[jax.Array, jax.Array]:
 
 def coverage_code(run: Run, hi: jax.Array, lo: jax.Array) -> jax.Array:
     """Return -1 before the coverage, 0 inside and +1 after it (int32 [...]); -1 for an epoch that is NaN."""
-    since, until = _margins(run, *_local(run, jnp.asarray(hi), jnp.asarray(lo)))
-    return jnp.where(until < 0, 1, jnp.where(since >= 0, 0, -1)).astype(jnp.int32)
+    hi, lo = jnp.asarray(hi), jnp.asarray(lo)
+    since, until = _margins(run, *_local(run, hi, lo))
+    after = (until < 0) | (hi == np.inf)  # an infinity has no second part: the margins of one are NaN
+    return jnp.where(after, 1, jnp.where(since >= 0, 0, -1)).astype(jnp.int32)
 
 
 class _Evaluation:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import EdgeError, MissingInputError
-from jaxframes.numerics.boundary import default_float, parameters
+from jaxframes.numerics.boundary import parameters
 from jaxframes.numerics.components import V3, Component, Quat
 from jaxframes.numerics.eft import recast_pair
 from jaxframes.numerics.extension import extend
@@ -16,6 +16,8 @@ from jaxframes.numerics.packed import Kind, Packed
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.source import source_of
 from jaxframes.numerics.steps import Coordinate, Step, Turn
+from jaxframes.spatial import parts
+from jaxframes.spatial.epoch import EPOCH
 from jaxframes.spice import evaluate, two_part
 from jaxframes.spice.evaluate import Run
 from jaxframes.spice.info import Info
@@ -72,7 +74,7 @@ class Table(Edge):
         return Run(self.legs, self.reference, self.span)
 
     def coverage_code(self, time: Any) -> jax.Array:
-        """Return -1 where an ``Epoch`` (or ET seconds) lies before the coverage, 0 inside, +1 after: int32 [...]."""
+        """Return -1 where an ``Epoch`` (or ET seconds) lies before the coverage, 0 inside, +1 after: int32 [...]; -1 for NaN."""
         return evaluate.coverage_code(self.run, *two_parts(time))
 
     def report(self) -> str:
@@ -215,14 +217,10 @@ def checked_order(order: int) -> int:
 
 
 def two_parts(time: Any) -> tuple[Any, Any]:
-    """Return the parts of an ``Epoch``; plain seconds keep what one number of the default dtype cannot hold."""
+    """Return the parts of an ``Epoch``; plain seconds keep what one number cannot hold, and nothing else is taken (FrameError)."""
     if hasattr(time, "hi"):
         return time.hi, time.lo
-    if isinstance(time, jax.Array):
-        return time, jnp.zeros_like(time)
-    exact = np.asarray(time, np.float64)
-    high = exact.astype(np.dtype(default_float()))
-    return high, (exact - high.astype(np.float64)).astype(high.dtype)
+    return parts.two_parts(time, None, EPOCH)
 
 
 @functools.partial(jax.jit, static_argnums=0)

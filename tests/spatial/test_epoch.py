@@ -117,3 +117,16 @@ def test_utc_agrees_with_cspice(rng):
     finally:
         spiceypy.unload(kernel)
     assert utc_seconds("2026-03-01T00:00:00Z") == utc_seconds("2026-03-01T00:00:00+00:00") == utc_seconds("2026-03-01")
+
+
+@pytest.mark.parametrize("number", [float, np.float32, np.float64, np.longdouble])
+def test_infinities_have_no_second_part_and_nan_stays_nan(number, dtype):
+    # Warnings are errors here.
+    for sign in (1.0, -1.0):
+        for given in (number(sign * np.inf), np.array([number(sign * np.inf), 1.0])):
+            epoch = jf.Epoch.from_et(given)
+            assert np.ravel(epoch.hi)[0] == sign * np.inf
+            assert not np.any(epoch.lo)
+    assert np.isnan(jf.Epoch.from_et(number(np.nan)).et)
+    third = jf.Epoch.from_et(np.longdouble(1) / 3)
+    assert abs(exact(third) - Fraction(1, 3)) <= max(np.finfo(dtype).eps ** 2, np.finfo(np.longdouble).eps)

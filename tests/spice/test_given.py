@@ -1,0 +1,48 @@
+"""What a user gives that is no instant, path, time-out, name or number: refused at once, with what to give instead."""
+
+import datetime
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxframes as jf
+from jaxframes import errors
+from tests.spice.test_iau import PCK
+
+
+@pytest.fixture(scope="module")
+def turning():
+    """A text PCK's model, which reads no span."""
+    with jf.spice.Kernels(PCK) as kernels:
+        return kernels.orientation(frame="IAU_MARS")
+
+
+@pytest.mark.parametrize(
+    ("bad", "remedy"),
+    [
+        ("2026-01-05", r"found '2026-01-05'; text is read by Epoch\.from_tdb or Epoch\.from_utc"),
+        (datetime.datetime(2026, 1, 5), r"found datetime.*Epoch\.from_datetime"),
+        (np.datetime64("2026-01-05"), r"Epoch\.from_datetime"),
+        (None, "seconds past J2000 TDB .*found None"),
+        (True, "found True"),
+    ],
+)
+def test_times_of_tables(moon, itrf93, turning, bad, remedy):
+    calls = [table.evaluate for table in (moon, itrf93, turning)] + [moon.evaluate_two_part, moon.coverage_code, itrf93.coverage_code]
+    for call in calls:
+        with pytest.raises(errors.FrameError, match=remedy):
+            call(bad)
+
+
+def test_instants_that_never_come_lie_outside(moon, itrf93):
+    # Warnings are errors here.
+    for table in (moon, itrf93):
+        for late in (np.inf, np.float32(np.inf), jnp.asarray(np.inf), jf.Epoch.from_et(np.inf)):
+            assert int(table.coverage_code(late)) == 1
+        for early in (-np.inf, jf.Epoch.from_et(-np.inf), np.nan, jf.Epoch.from_et(np.nan)):
+            assert int(table.coverage_code(early)) == -1
+        codes = table.coverage_code(np.array([-np.inf, 820497600.0 + 86400.0, np.inf, np.nan]))
+        assert codes.tolist() == [-1, 0, 1, -1]
+        for never in (np.inf, -np.inf, np.nan):
+            assert all(np.isnan(value).all() for value in table.evaluate(never))
