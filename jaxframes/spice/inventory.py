@@ -9,20 +9,19 @@ from typing import Any
 from jaxframes.errors import CoverageError, NoPathError, UnknownBodyError, suggest
 from jaxframes.spatial.calendar import tdb_text
 from jaxframes.spatial.utc import LeapSeconds
-from jaxframes.spice.built_in import J2000, NAMES
+from jaxframes.spice.built_in import J2000
 from jaxframes.spice.clock import clock_of
 from jaxframes.spice.frame_classes import CK, CLASSES, DYNAMIC, INERTIAL, PCK, SWITCH, anchored
 from jaxframes.spice.iau_read import has_text_pck
 from jaxframes.spice.kernel_source import KernelSource
 from jaxframes.spice.leap import read_leap_seconds
+from jaxframes.spice.names import SSB, Names
 from jaxframes.spice.places import place
 from jaxframes.spice.segments import coverage
 from jaxframes.spice.times import Instant
 from jaxframes.spice.tolerance import Tolerance
 from jaxframes.tree.builder import TreeBuilder
 from jaxframes.tree.tree import FrameTree
-
-SSB = tuple(name for name, number in NAMES.items() if number == 0)
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ def _entry(value: Any) -> str:
     return tdb_text(value) if isinstance(value, Fraction) else str(value)
 
 
-class Inventory:
+class Inventory(Names):
     """What ``Kernels`` says of its content, and the trees that it makes of it."""
 
     _process: Any

@@ -10,18 +10,10 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from jaxframes.errors import (
-    BadKernelError,
-    CoverageError,
-    MissingKernelError,
-    NoPathError,
-    UnknownAxesError,
-    UnknownBodyError,
-    suggest,
-)
+from jaxframes.errors import BadKernelError, CoverageError, MissingKernelError, NoPathError
 from jaxframes.spice import build, extract, orient, translate
 from jaxframes.spice.files import ShortNames, kernel_files
-from jaxframes.spice.frame_classes import CLASSES, INERTIAL, PCK
+from jaxframes.spice.frame_classes import INERTIAL
 from jaxframes.spice.hashes import sha256
 from jaxframes.spice.info import Info, Source, decimal
 from jaxframes.spice.inventory import Inventory
@@ -32,8 +24,6 @@ from jaxframes.spice.segments import Piece, Segment, coverage, handed_over
 from jaxframes.spice.tables import Table, TranslationTable
 from jaxframes.spice.times import Instant, exact_seconds, pairs, reference_day, span_text
 from jaxframes.spice.tolerance import Tolerance
-
-SOLAR_SYSTEM_BARYCENTER = ("SSB", "SOLAR SYSTEM BARYCENTER", "SOLAR_SYSTEM_BARYCENTER")
 
 T = TypeVar("T", bound=Table)
 
@@ -192,7 +182,7 @@ class Kernels(Inventory):
             NoPathError: If no data orients the frame, or ``relative_to`` turns against it.
             CoverageError: If the kernels do not cover the start or the stop, or, but for C-kernels and fits, leave a gap between them.
         """
-        request = orient.Request(self._axes(frame), self._axes(relative_to), start, stop, ck, tolerance, layout, bridge)
+        request = orient.Request(self._axes(frame), self._axes(relative_to, "relative_to"), start, stop, ck, tolerance, layout, bridge)
         return orient.orientation(self, request)
 
     def states(
@@ -222,7 +212,7 @@ class Kernels(Inventory):
         Matrices map coordinates of ``frame`` to ``relative_to``, velocities are in the axes of ``relative_to``.
         Arguments and errors as in ``states``.
         """
-        of, base = self._axes(frame)["name"], self._axes(relative_to)["name"]
+        of, base = self._axes(frame)["name"], self._axes(relative_to, "relative_to")["name"]
         return self._process.call("turns", of, base, np.asarray(times, float), doing="computing orientations")
 
     def _table(
@@ -286,44 +276,6 @@ class Kernels(Inventory):
         if low >= high:
             raise CoverageError(f"start lies at or after stop: {span_text(low, high)}. A table needs a span of time.")
         return low, high
-
-    def _body(self, body: str | int, role: str) -> int:
-        if isinstance(body, str) and body.strip().upper() in SOLAR_SYSTEM_BARYCENTER:
-            return 0
-        found = self._process.call("body", str(body), doing=f"looking up {body!r}")
-        if found is None:
-            held = {b for s in self._segments if s.kind == "SPK" for b in (s.body, s.center)}
-            names = self._process.call("body_names", sorted(held | set(range(1000))), doing="listing bodies")
-            raise UnknownBodyError(
-                f"{role} = {body!r} is no body known to SPICE.{suggest(str(body).upper(), names)} An id number works too."
-            )
-        return int(found)
-
-    def _name(self, body: int) -> str:
-        return "SSB" if body == 0 else self._process.call("body_name", body, doing=f"naming body {body}")
-
-    def _axes(self, frame: str) -> dict[str, Any]:
-        found = self._process.call("frame", str(frame), doing=f"looking up {frame!r}")
-        if found is None:
-            listed = self._process.call("all_frames", doing="listing frames")
-            oriented = {f["class_id"] for f in listed if f["class"] == PCK}
-            lost = sorted({s.body for s in self._segments if s.kind == "PCK"} - oriented)
-            hint = f" The binary PCK files loaded orient class ids {lost}, which no frame is defined for: load their frame kernel (.tf)."
-            raise UnknownAxesError(
-                f"{frame!r} is no frame known to SPICE or to the kernels loaded."
-                f"{suggest(str(frame).upper(), [f['name'] for f in listed])}{hint if lost else ''}"
-            )
-        return found
-
-    def _inertial(self, frame: str, role: str) -> dict[str, Any]:
-        found = self._axes(frame)
-        if found["class"] != INERTIAL:
-            kind = CLASSES.get(found["class"], "?")
-            raise NoPathError(
-                f"{role} = {frame!r} is a {kind} frame, which turns; tables have inertial axes, as 'J2000'. "
-                f"Add the orientation as an edge of its own: kernels.orientation(frame={frame!r}, relative_to='J2000')."
-            )
-        return found
 
 
 def _is_text_kernel(file: Path) -> bool:

@@ -129,4 +129,4 @@ def test_infinities_have_no_second_part_and_nan_stays_nan(number, dtype):
             assert not np.any(epoch.lo)
     assert np.isnan(jf.Epoch.from_et(number(np.nan)).et)
     third = jf.Epoch.from_et(np.longdouble(1) / 3)
-    assert abs(exact(third) - Fraction(1, 3)) <= max(np.finfo(dtype).eps ** 2, np.finfo(np.longdouble).eps)
+    assert abs(exact(third) - Fraction(1, 3)) <= max(np.finfo(dtype).eps ** 2, float(np.finfo(np.longdouble).eps))

@@ -46,3 +46,28 @@ def test_instants_that_never_come_lie_outside(moon, itrf93):
         assert codes.tolist() == [-1, 0, 1, -1]
         for never in (np.inf, -np.inf, np.nan):
             assert all(np.isnan(value).all() for value in table.evaluate(never))
+
+
+@pytest.mark.parametrize("empty", ["", "  "])
+def test_empty_names(kernels, moon, empty):
+    span, away = {"start": "2026-01-01", "stop": "2026-02-01"}, rf"= '{empty}' is empty: give the name or the id of a "
+    for role, given in (("target", {"target": empty, "center": "EARTH"}), ("center", {"target": "MOON", "center": empty})):
+        for call in (lambda given: kernels.translation(**given, **span), lambda given: kernels.states(**given, times=[0.0])):
+            with pytest.raises(errors.UnknownBodyError, match=f"^{role} {away}body"):
+                call(given)
+    for role, given in (("frame", {"frame": empty}), ("relative_to", {"frame": "ITRF93", "relative_to": empty})):
+        for call in (lambda given: kernels.orientation(**given, **span), lambda given: kernels.turns(**given, times=[0.0])):
+            with pytest.raises(errors.UnknownAxesError, match=f"^{role} {away}frame, such as 'J2000'"):
+                call(given)
+    with pytest.raises(errors.UnknownAxesError, match=f"^frame {away}frame"):
+        kernels.translation(target="MOON", center="EARTH", frame=empty)
+    with pytest.raises(errors.UnknownBodyError, match=f"^body {away}body"):
+        kernels.tree(bodies=[empty])
+    with pytest.raises(errors.UnknownAxesError, match=f"^frame {away}frame"):
+        kernels.tree(frames=[empty])
+    builder = jf.TreeBuilder(root="SSB")
+    for source in (kernels, [moon]):
+        with pytest.raises(errors.UnknownBodyError if source is kernels else errors.NoPathError, match=rf"'{empty}'"):
+            builder.add_spice(source, body=empty)
+        with pytest.raises(errors.UnknownAxesError if source is kernels else errors.NoPathError, match=rf"'{empty}'"):
+            builder.add_spice(source, body="MOON", frame=empty)
