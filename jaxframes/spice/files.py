@@ -18,11 +18,16 @@ def kernel_files(paths: Iterable[str | os.PathLike[str]] | str | os.PathLike[str
     """Return the files to load, in order: a directory stands for the kernels in it (not below it), sorted by name.
 
     Raises:
-        MissingKernelError: If a file is missing, or a directory holds no kernel.
+        MissingKernelError: If a file is missing, a directory holds no kernel, or what is given is no path.
     """
-    listed = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
+    one = isinstance(paths, (str, os.PathLike))
+    if not one and (isinstance(paths, bytes) or not isinstance(paths, Iterable)):
+        raise _no_path(paths)
     files: list[Path] = []
-    for path in (Path(p).absolute() for p in listed):
+    for given in [paths] if one else paths:
+        if not isinstance(given, (str, os.PathLike)) or os.fspath(given) in ("", b""):
+            raise _no_path(given)
+        path = Path(os.fsdecode(given)).absolute()
         if path.is_dir():
             held = sorted(f for f in path.iterdir() if f.suffix.lower() in SUFFIXES and f.is_file())
             if not held:
@@ -35,6 +40,13 @@ def kernel_files(paths: Iterable[str | os.PathLike[str]] | str | os.PathLike[str
                 f"There is no kernel file {path}. Check the path; jf.spice.find_kernels() finds those that packages ship."
             )
     return files
+
+
+def _no_path(given: object) -> MissingKernelError:
+    return MissingKernelError(
+        f"{given!r} is no path of a kernel: give files or folders ('.' is the current one), or jf.spice.find_kernels() for those that "
+        "packages ship."
+    )
 
 
 class ShortNames:

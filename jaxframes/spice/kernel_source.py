@@ -11,7 +11,7 @@ from jaxframes.spice.ck import segments_of
 from jaxframes.spice.frame_classes import CK, INERTIAL, TK
 from jaxframes.spice.paths import Walk
 from jaxframes.spice.times import Instant, exact_seconds
-from jaxframes.spice.tolerance import Tolerance, checked_tolerance
+from jaxframes.spice.tolerance import Tolerance, checked_bridge, checked_tolerance
 from jaxframes.tree.edges.base import Edge
 
 
@@ -25,7 +25,7 @@ class KernelSource:
         self._kernels, self._start, self._stop = kernels, start, stop
         low, high = (None if x is None else exact_seconds(x, name) for x, name in ((start, "start"), (stop, "stop")))
         self.asked: tuple[Fraction | None, Fraction | None] = (low, high)
-        self._tolerance, self._knots = checked_tolerance(tolerance), {"ck": ck, "bridge": bridge}
+        self._tolerance, self._knots = checked_tolerance(tolerance), {"ck": ck, "bridge": checked_bridge(bridge)}
 
     def body(self, body: str | int) -> tuple[int, str]:
         """See ``Source``."""

@@ -54,13 +54,15 @@ class Kernels(Inventory):
         Raises:
             MissingKernelError: If a file is missing, or spiceypy is.
             BadKernelError: If a file is no kernel, or is damaged.
+            SpiceError: If ``timeout`` is no time.
         """
         files = kernel_files(paths)
         self._process, self._text, self._names = KernelProcess(timeout), list[Path](), ShortNames()
         try:
             for file in files:
                 self._load(file)
-            self._text = [Path(p).absolute() for p in self._process.call("text_files", doing="listing the text kernels")]
+            self._text = [Path(p).absolute() for p in self._process.call("files", ["TEXT", "META"], doing="listing the text kernels")]
+            self._count = len(self._process.call("files", ["ALL"], doing="listing the kernels"))
             described = self._process.call("segments", doing="listing the segments of the kernels")
             self._segments = [Segment(**s) for s in described]
         except CspiceError as error:
@@ -85,6 +87,12 @@ class Kernels(Inventory):
             missing = error.short in ("SPICE(NOSUCHFILE)", "SPICE(FILENOTFOUND)")  # one that a meta-kernel names
             hint = f" Relative paths in a meta-kernel count from the current directory, {Path.cwd()}." if missing else ""
             raise (MissingKernelError if missing else BadKernelError)(f"{file} cannot be loaded: {error}{hint}") from error
+
+    def __repr__(self) -> str:
+        """Return how many files, those that meta-kernels name and themselves too, and bodies are loaded."""
+        files, bodies = self._count, len({s.body for s in self._segments if s.kind == "SPK"})
+        counts = f"{files} file{'s' * (files != 1)}, {bodies} {'body' if bodies == 1 else 'bodies'}"
+        return f"Kernels({counts}{', closed' if self._process.closed else ''})"
 
     def __enter__(self) -> Self:
         return self
@@ -173,6 +181,7 @@ class Kernels(Inventory):
             tolerance: Fit to within this angle and rate, with as few bytes as possible.
             layout: Records of the fit, ``"uniform"`` or ``"dyadic"``.
             bridge: C-kernels of type 1 have attitudes at instants only: those up to so many seconds apart are joined.
+                Zero joins none, infinity all.
 
         Returns:
             An ``OrientationTable``, ``IauOrientation``, ``AttitudeTable``, ``CayleyTable`` or ``FixedFrame``, by what the frame is.

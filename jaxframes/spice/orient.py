@@ -17,7 +17,7 @@ from jaxframes.spice.paths import orientation_pieces
 from jaxframes.spice.tables import OrientationTable
 from jaxframes.spice.timeless import timeless_info
 from jaxframes.spice.times import Instant, reference_day
-from jaxframes.spice.tolerance import Tolerance, checked_layout, checked_tolerance
+from jaxframes.spice.tolerance import Tolerance, checked_bridge, checked_layout, checked_tolerance
 from jaxframes.tree.edges.base import Edge
 
 if TYPE_CHECKING:
@@ -64,8 +64,10 @@ def _made(kernels: "Kernels", request: Request) -> Any:
     Raises:
         NoPathError: If there is no way for this class, or ``relative_to`` turns against it.
         ToleranceError: If the tolerance is none, or a layout is asked for without one.
+        SpiceError: If ``bridge`` is no time.
     """
     of, base = request.of, request.base
+    checked_bridge(request.bridge)
     checked_layout(request.layout, checked_tolerance(request.tolerance) is not None)
     of_anchor, base_anchor = anchored(kernels, of), anchored(kernels, base)
     if of_anchor.axes["id"] == base_anchor.axes["id"] or (of_anchor.inertial and base_anchor.inertial):

@@ -1,6 +1,7 @@
 """The caller's side of the process that reads kernels: start it, ask it, end it."""
 
 import contextlib
+import numbers
 import subprocess
 import sys
 import threading
@@ -25,6 +26,19 @@ class CspiceError(SpiceError):
         self.short = short
 
 
+def checked_timeout(timeout: Any) -> float | None:
+    """Return a time-out in seconds, None for none at all.
+
+    Raises:
+        SpiceError: If it is something else, or longer than a thread can wait.
+    """
+    if timeout is None:
+        return None
+    if isinstance(timeout, numbers.Real) and not isinstance(timeout, bool) and 0 < timeout <= threading.TIMEOUT_MAX:
+        return float(timeout)
+    raise SpiceError(f"timeout={timeout!r}: give the seconds that one answer may take, more than zero, or None for any time.")
+
+
 class KernelProcess:
     """A process with a kernel pool of its own. Calls from several threads take turns."""
 
@@ -35,8 +49,10 @@ class KernelProcess:
             timeout: Longest time in seconds that an answer may take, None for any: the process is then ended.
 
         Raises:
+            SpiceError: If the time is none.
             MissingKernelError: If spiceypy cannot be imported there.
         """
+        timeout = checked_timeout(timeout)
         # -P: the folder of the worker's file holds modules that must not shadow others. By path, not -m: jax stays out of it.
         self._popen = subprocess.Popen(
             [sys.executable, "-P", str(WORKER)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL

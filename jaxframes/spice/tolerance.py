@@ -1,12 +1,13 @@
 """What a fitted table is asked to be: its largest errors, its size, its layout; and the errors that say it cannot be so."""
 
+import numbers
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from jaxframes.errors import ToleranceError
+from jaxframes.errors import SpiceError, ToleranceError
 
 LAYOUTS = ("uniform", "dyadic")
 NAMES = {"translation": ("position", "velocity"), "orientation": ("angle", "rate")}
@@ -86,6 +87,18 @@ def checked_size(size: Any) -> int | None:
     if size is None or (isinstance(size, (int, np.integer)) and not isinstance(size, bool) and size > 0):
         return None if size is None else int(size)
     raise ToleranceError(f"size={size!r}: give the most bytes that the table may have, a whole number.")
+
+
+def checked_bridge(bridge: Any) -> float | None:
+    """Return the longest time in seconds to join attitudes over, None if none is given (SpiceError if it is something else)."""
+    if bridge is None:
+        return None
+    if isinstance(bridge, numbers.Real) and not isinstance(bridge, bool) and bridge >= 0:
+        return float(bridge)
+    raise SpiceError(
+        f"bridge={bridge!r}: give the longest time in seconds between two attitudes of a C-kernel of type 1 that are to be joined, "
+        "zero or more; None for kernels without such."
+    )
 
 
 @dataclass(frozen=True)

@@ -177,11 +177,10 @@ class Reader:
         except self.spice.NotFoundError:
             return None
 
-    def text_files(self) -> list[str]:
-        """Return the paths of the text kernels loaded, those that meta-kernels name and the meta-kernels too, in order of loading."""
-        kinds = ("TEXT", "META")
+    def files(self, kinds: list[str]) -> list[str]:
+        """Return the paths of the kernels of some kinds, those that meta-kernels name and the meta-kernels too, in order of loading."""
         listed = [self.spice.kdata(i, "ALL")[:2] for i in range(self.spice.ktotal("ALL"))]
-        return [path for path, kind in listed if kind in kinds]
+        return [path for path, kind in listed if kind in kinds or "ALL" in kinds]
 
     def frame_names(self) -> list[str]:
         """Return the names of all frames, built in and defined by text kernels."""

@@ -1,6 +1,9 @@
 """What a user gives that is no instant, path, time-out, name or number: refused at once, with what to give instead."""
 
 import datetime
+import re
+from fractions import Fraction
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
@@ -71,3 +74,50 @@ def test_empty_names(kernels, moon, empty):
             builder.add_spice(source, body=empty)
         with pytest.raises(errors.UnknownAxesError if source is kernels else errors.NoPathError, match=rf"'{empty}'"):
             builder.add_spice(source, body="MOON", frame=empty)
+
+
+@pytest.mark.parametrize("paths", [None, "", b"", 5, [None], ["", "."], [b""], [5]])
+def test_paths_that_are_none(paths):
+    with pytest.raises(errors.MissingKernelError, match=r"^(None|''|b''|5) is no path of a kernel: give files .*find_kernels"):
+        jf.spice.Kernels(paths)
+
+
+def test_the_current_directory_is_a_path(tmp_path, monkeypatch):
+    (tmp_path / "names.tf").write_text("KPL/FK\n\\begindata\nNAIF_BODY_NAME += 'CRAFT'\nNAIF_BODY_CODE += -77\n\\begintext\n")
+    monkeypatch.chdir(tmp_path)
+    for here in (".", Path(), ["names.tf"], (p for p in ["names.tf"])):
+        with jf.spice.Kernels(here) as kernels:
+            assert kernels._text == [tmp_path / "names.tf"]
+
+
+@pytest.mark.parametrize("timeout", ["x", "5", -1, 0, 0.0, np.nan, np.inf, 1e300, True, [5.0]])
+def test_time_outs_that_are_none(timeout):
+    with pytest.raises(errors.SpiceError, match=rf"^timeout={re.escape(repr(timeout))}: give the seconds .*, or None for any time"):
+        jf.spice.Kernels(PCK, timeout=timeout)
+
+
+@pytest.mark.parametrize("timeout", [None, 30, np.float32(30.0), Fraction(60, 2)])
+def test_time_outs(timeout):
+    with jf.spice.Kernels(PCK, timeout=timeout) as kernels:
+        assert kernels._process._timeout == (timeout if timeout is None else 30.0)
+
+
+@pytest.mark.parametrize("bridge", [-5, np.nan, "15", True, [15.0]])
+def test_bridges_that_are_none(kernels, bridge):
+    builder = jf.TreeBuilder(root="SSB")
+    for call in (
+        lambda: kernels.orientation(frame="ITRF93", bridge=bridge),
+        lambda: kernels.tree(frames=["ITRF93"], bridge=bridge),
+        lambda: builder.add_spice(kernels, body="EARTH", bridge=bridge),
+    ):
+        with pytest.raises(errors.SpiceError, match=rf"^bridge={re.escape(repr(bridge))}: give the longest time in seconds"):
+            call()
+    assert builder.names == ("SSB",)
+
+
+def test_what_kernels_are(kernels, paths):
+    bodies = len({row[0] for row in kernels.bodies()})
+    assert repr(kernels) == f"Kernels({len(paths)} files, {bodies} bodies)"
+    with jf.spice.Kernels(PCK) as one:
+        assert repr(one) == "Kernels(1 file, 0 bodies)"
+    assert repr(one) == "Kernels(1 file, 0 bodies, closed)"
