@@ -50,3 +50,8 @@ def body_named(name: str) -> int | None:
 def name_of(body: int) -> str:
     """Return a name of a body, or its number as text."""
     return next((name for name, number in NAMES.items() if number == body), str(body))
+
+
+def labelled(name: str, number: int) -> str:
+    """Return a name with its id in brackets, the id alone where it is all the name there is."""
+    return name if name == str(number) else f"{name} ({number})"

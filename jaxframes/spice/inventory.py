@@ -1,15 +1,17 @@
 """What kernels hold, and what trees they make: the half of ``Kernels`` that lists and places."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from jaxframes.errors import CoverageError, NoPathError, UnknownBodyError, suggest
+import numpy as np
+
+from jaxframes.errors import CoverageError, NoPathError, SpiceError, UnknownBodyError, suggest
 from jaxframes.spatial.calendar import tdb_text
 from jaxframes.spatial.utc import LeapSeconds
-from jaxframes.spice.built_in import J2000
+from jaxframes.spice.built_in import J2000, labelled
 from jaxframes.spice.clock import clock_of
 from jaxframes.spice.frame_classes import CK, CLASSES, DYNAMIC, INERTIAL, PCK, SWITCH, anchored
 from jaxframes.spice.iau_read import has_text_pck
@@ -53,6 +55,21 @@ def _entry(value: Any) -> str:
     if value is None:
         return "every instant"
     return tdb_text(value) if isinstance(value, Fraction) else str(value)
+
+
+def _several(given: Any, role: str) -> Iterable[Any]:
+    """Return names, ids or pairs one by one, of which a user may give one alone."""
+    if isinstance(given, (str, int, np.integer)):
+        return [given]
+    if not isinstance(given, Iterable) or isinstance(given, bytes):
+        raise SpiceError(f"{role} = {given!r}: give a name or an id, or a list of them.")
+    return given
+
+
+def _pair(given: Sequence[Any]) -> Sequence[Any]:
+    if len(given) != 2:
+        raise SpiceError(f"frames = [..., {given!r}, ...]: give names or ids of frames, or pairs (body, frame).")
+    return given
 
 
 class Inventory(Names):
@@ -124,7 +141,7 @@ class Inventory(Names):
                 if not rows and body is None:
                     raise
         if not rows:
-            raise CoverageError(f"No SPK segment of {name} ({body}) is loaded; kernels.bodies() lists those that are.")
+            raise CoverageError(f"No SPK segment of {labelled(name, int(body))} is loaded; kernels.bodies() lists those that are.")
         return Listing(columns, tuple(rows))
 
     def _spans(self: Any, kind: str, key: int, number: int, name: str) -> list[tuple[Any, ...]]:
@@ -167,8 +184,8 @@ class Inventory(Names):
     def tree(
         self: Any,
         *,
-        bodies: Sequence[str | int] = (),
-        frames: Sequence[str | int] = (),
+        bodies: str | int | Sequence[str | int] = (),
+        frames: str | int | Sequence[str | int | tuple[str | int, str | int | None]] = (),
         start: Instant | None = None,
         stop: Instant | None = None,
         ck: str = "smooth",
@@ -184,8 +201,9 @@ class Inventory(Names):
         So an edge between two SPICE frames is R(o from J2000), positions in J2000, R(J2000 from p).
 
         Args:
-            bodies: Bodies by name or id.
-            frames: SPICE frames by name or id.
+            bodies: Bodies by name or id; one alone needs no list.
+            frames: SPICE frames by name or id, placed at the body that is their centre; or pairs (body, frame), placed at this body, as
+                ``add_spice(body=, frame=)`` does: frame None or 999999 is the default frame. One name or id alone needs no list.
             start: Start of the coverage, as in ``translation``. Default: from where the kernels have data, whatever the size.
             stop: End of the coverage.
             ck: How C-kernels are read between their knots, as in ``orientation``.
@@ -195,6 +213,7 @@ class Inventory(Names):
                 edge is then from the nearest body that all these centres hang on). What can be had exactly stays exact.
 
         Raises:
+            SpiceError: If ``bodies`` or ``frames`` are neither a name, nor an id, nor a list.
             UnknownBodyError: If a body is unknown.
             UnknownAxesError: If a frame is unknown.
             NoPathError: If the kernels do not connect them, or something has to be fitted and there is no tolerance.
@@ -203,10 +222,10 @@ class Inventory(Names):
         """
         builder, source = TreeBuilder(root="SSB"), KernelSource(self, start, stop, ck, bridge, tolerance)
         builder.set_properties("SSB", {"spice_body": 0, "spice_frame": J2000, "spice_body_name": "SSB", "spice_frame_name": "J2000"})
-        for body in bodies:
+        for body in _several(bodies, "bodies"):
             place(builder, source, body, J2000)
-        for frame in frames:
-            place(builder, source, self._axes(str(frame))["center"], frame)
+        for frame in _several(frames, "frames"):
+            place(builder, source, *(_pair(frame) if isinstance(frame, (tuple, list)) else (self._axes(frame)["center"], frame)))
         return builder.build()
 
     def add_to_tree(

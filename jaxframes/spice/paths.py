@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from fractions import Fraction
 
 from jaxframes.errors import CoverageError, NoPathError
+from jaxframes.spice.built_in import labelled
 from jaxframes.spice.segments import Piece, Segment, coverage, select
 from jaxframes.spice.times import span_text
 
@@ -65,7 +66,7 @@ class Walk:
 
     def text(self, name: Name) -> str:
         """Return the bodies of the walk as text."""
-        return " -> ".join(f"{name(b)} ({b})" for b in self.bodies)
+        return " -> ".join(labelled(name(b), b) for b in self.bodies)
 
 
 def on_the_way(bodies: Sequence[int], segments: Sequence[Segment]) -> list[int]:
@@ -119,7 +120,7 @@ def _barycentre_hint(body: int, segments: Sequence[Segment], name: Name) -> str:
             f"DE kernels hold only the barycentre {barycentre} of this planet's system: ask for {name(barycentre)!r}, "
             f"or load a satellite kernel that holds {body}."
         )
-    return f"No segment of {name(body)} ({body}) is loaded: load an SPK file that holds it."
+    return f"No segment of {labelled(name(body), body)} is loaded: load an SPK file that holds it."
 
 
 def orientation_pieces(class_id: int, frame: str, segments: Sequence[Segment], start: Fraction, stop: Fraction) -> list[Piece]:

@@ -7,13 +7,13 @@ from fractions import Fraction
 from typing import Protocol
 
 from jaxframes.errors import CoverageError, DuplicateNameError, NoPathError, UnknownBodyError
-from jaxframes.spice.built_in import INERTIAL, J2000
+from jaxframes.spice.built_in import INERTIAL, J2000, labelled
 from jaxframes.spice.times import span_text
 from jaxframes.tree.builder import TreeBuilder
 from jaxframes.tree.edges.base import Edge
 
 DEFAULT_FRAME = 999999
-"""Asks for the default frame of a body, as None does."""
+"""Asks for the default frame of a body, as None does; as a number or as text."""
 BODY, FRAME = "spice_body", "spice_frame"
 Key = tuple[int, int]
 """The ids of a body and of a frame."""
@@ -61,7 +61,7 @@ def place(builder: TreeBuilder, source: Source, body: str | int, frame: str | in
     hangs on that of the next body on the way to the Solar System barycentre that is there, with the bodies between added too.
     """
     body_id, body_name = source.body(body)
-    wanted = source.frame(body_id, None if frame == DEFAULT_FRAME else frame)
+    wanted = source.frame(body_id, None if str(frame).strip() == str(DEFAULT_FRAME) else frame)
     before = set(builder.names)
     try:
         return _place(builder, source, (body_id, body_name), wanted)
@@ -118,7 +118,7 @@ def _place_inertial(builder: TreeBuilder, source: Source, body: tuple[int, str],
         root = next((key for key, name in known.items() if name == builder.root), None)
         if root is None or root[1] != J2000:
             raise NoPathError(
-                f"No frame of the tree is one that {body[1]} ({body[0]}) can hang on. "
+                f"No frame of the tree is one that {labelled(body[1], body[0])} can hang on. "
                 "Name the root 'SSB' or after a body, or say what it is: "
                 f"builder.set_properties({builder.root!r}, {{{BODY!r}: 0, {FRAME!r}: 1}}), with the ids of its body and frame."
             )

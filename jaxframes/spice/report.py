@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from jaxframes.spice.built_in import labelled
 from jaxframes.spice.host import derivatives
 from jaxframes.spice.info import Info
 from jaxframes.spice.legs import Leg, from_leg
@@ -15,7 +16,7 @@ def report(info: Info, legs: Sequence[Leg], jumps: bool = True, more: int = 0) -
     what = "position" if info.kind == "translation" else "orientation"
     what += "" if info.correction == "NONE" else f" (corrected: {info.correction})"
     lines = [
-        f"{what} of {info.of} ({info.of_id}) relative to {info.relative_to} ({info.relative_id}), axes {info.axes}",
+        f"{what} of {labelled(info.of, info.of_id)} relative to {labelled(info.relative_to, info.relative_id)}, axes {info.axes}",
         f"method:   {info.method}, {len(legs)} leg{'s' if len(legs) != 1 else ''}",
         f"coverage: {info.coverage}",
         f"size:     {sum(leg.bytes for leg in legs) + more} bytes, {legs[0].rows.dtype.name}",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from jaxframes.errors import NoPathError
 from jaxframes.spice import build, compose, fit, measure
+from jaxframes.spice.built_in import labelled
 from jaxframes.spice.info import EXTRACTION
 from jaxframes.spice.paths import translation_legs
 from jaxframes.spice.segments import Piece, Segment
@@ -47,7 +48,7 @@ def translation(kernels: "Kernels", request: Request) -> TranslationTable:
     """Return the edge that ``Kernels.translation`` documents."""
     of, relative = kernels._body(request.target, "target"), kernels._body(request.center, "center")
     if of == relative:
-        raise NoPathError(f"target and center are the same body, {kernels._name(of)} ({of}): use jf.edges.Fixed().")
+        raise NoPathError(f"target and center are the same body, {labelled(kernels._name(of), of)}: use jf.edges.Fixed().")
     correction = fit.correction_named(request.correction)
     axes = kernels._inertial(request.frame, "frame")["name"]
     bounds = kernels._span(request.start, request.stop, "SPK", (of, relative))

@@ -179,7 +179,7 @@ class TreeBuilder:
         Args:
             source: Open ``jf.spice.Kernels``, or tables: a mapping as ``jf.spice.load`` returns, or a sequence.
             body: Body by name or NAIF id.
-            frame: Frame by name or NAIF id. None or 999999: the body-fixed frame if SPICE knows one for the body, J2000 for
+            frame: Frame by name or NAIF id. None or 999999 (also as text): the body-fixed frame if SPICE knows one for the body, J2000 for
                 barycentres (ids 0 to 9) and spacecraft; among tables, the one frame that is oriented at the body. The resolved ids
                 are recorded: load order never changes them silently.
             options: For kernels: ``start`` and ``stop`` of the coverage, and further keywords of ``Kernels.orientation``.

@@ -71,8 +71,14 @@ def test_a_binary_pck_without_the_frames_that_it_orients(tmp_path, rng):
 
 
 def test_unknown_spacecraft(kernels):
-    with pytest.raises(errors.NoPathError, match=r"No segment of -99 \(-99\) is loaded"):
+    with pytest.raises(
+        errors.NoPathError, match=r"connect -99 with EARTH: -99 on one side, EARTH \(399\) -> .*No segment of -99 is loaded"
+    ):
         kernels.translation(target=-99, center="EARTH", **SPAN)
+    with pytest.raises(errors.NoPathError, match=r"are the same body, -99: use"):
+        kernels.translation(target=-99, center="-99", **SPAN)
+    with pytest.raises(errors.CoverageError, match=r"No SPK segment of -99 is loaded"):
+        kernels.coverage(-99)
 
 
 def test_same_body(kernels):

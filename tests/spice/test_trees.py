@@ -90,6 +90,35 @@ def test_default_frames_by_the_rule(opened, paths):
         assert other.add_spice(without, body="EARTH", **SPAN) == "IAU_EARTH"
 
 
+@pytest.mark.parametrize("default", [999999, "999999", " 999999 ", np.int64(999999), None])
+def test_the_default_frame_is_asked_for_by_number_and_by_text(opened, itrf93, default):
+    b = jf.TreeBuilder(root="SSB")
+    assert b.add_spice(opened, body="EARTH", frame=default, **SPAN) == "ITRF93"
+    tables = jf.TreeBuilder(root="EARTH")
+    assert tables.add_spice([itrf93], body="EARTH", frame=default) == "ITRF93"
+    assert opened.tree(frames=[("EARTH", default)], **SPAN).names == ("SSB", "EARTH BARYCENTER", "EARTH", "ITRF93")
+
+
+def test_one_body_or_frame_alone_and_pairs(opened, cspice, dtype):
+    for one in ("MOON", 301, np.int32(301)):
+        assert opened.tree(bodies=one, **SPAN).names == opened.tree(bodies=["MOON"], **SPAN).names == ("SSB", "EARTH BARYCENTER", "MOON")
+    for one in ("ITRF93", 13000):
+        assert opened.tree(frames=one, **SPAN).names == opened.tree(frames=["ITRF93"], **SPAN).names
+    assert opened.tree(frames=("ITRF93", "ECLIPJ2000"), **SPAN).names[-2:] == ("ITRF93", "ECLIPJ2000")  # two frames, not a pair
+    tree = opened.tree(bodies="SUN", frames=[("MOON", "ITRF93"), [301, None]], **SPAN)
+    assert tree.names == ("SSB", "SUN", "EARTH BARYCENTER", "MOON", "ITRF93 @ MOON", "IAU_MOON")
+    assert tree.properties["ITRF93 @ MOON"]["spice_body"] == 301
+    found = tree.transform(tree.state(time=TIMES[0]), of="SUN", relative_to="ITRF93 @ MOON").translation
+    states = np.array(cspice.spkezr("SUN", TIMES[0], "ITRF93", "NONE", "MOON")[0])[:3] * 1e3
+    assert np.linalg.norm(np.asarray(found, float) - states) <= (1e-3 if dtype == np.float64 else 1e5)
+    for role, bad in (("bodies", None), ("frames", 1.5), ("bodies", b"MOON")):
+        with pytest.raises(errors.SpiceError, match=rf"^{role} = .*: give a name or an id, or a list of them"):
+            opened.tree(**{role: bad})
+    for bad in (("MOON",), ("MOON", "ITRF93", 1)):
+        with pytest.raises(errors.SpiceError, match=r"or pairs \(body, frame\)"):
+            opened.tree(frames=[bad])
+
+
 def test_frames_that_the_user_added_are_found(opened, moon, itrf93, tmp_path):
     b = jf.TreeBuilder(root="middle")
     b.add("luna", parent="middle", edge=moon)
