@@ -166,6 +166,30 @@ def test_meta_kernels(tmp_path, rng, monkeypatch):
         assert part in str(caught.value)
 
 
+def test_meta_kernels_with_symbols_for_paths(tmp_path, rng, monkeypatch):
+    for folder, scale in (("first", 1e5), ("second", 2e5)):
+        (tmp_path / folder).mkdir()
+        cdata = made.coefficients(rng, 5, 3, 4, scale)
+        made.spk(tmp_path / folder / "craft.bsp", [(2, -77, 399, "J2000", 0.0, 500.0, 0.0, 100.0, cdata)])
+    (tmp_path / "second" / "names.tf").write_text("KPL/FK\n\\begindata\nNAIF_BODY_NAME += 'CRAFT'\nNAIF_BODY_CODE += -77\n\\begintext\n")
+    meta = tmp_path / "all.tm"
+    lines = "PATH_SYMBOLS = ( 'ONE' 'TWO' )\nKERNELS_TO_LOAD = ( '$ONE/craft.bsp' '$TWO/names.tf' '$TWO/craft.bsp' )"
+    meta.write_text(f"KPL/MK\n\\begindata\nPATH_VALUES = ( 'first' 'second' )\n{lines}\n\\begintext\n")
+    monkeypatch.chdir(tmp_path)
+    with jf.spice.Kernels(meta) as kernels, jf.spice.Kernels("second") as alone, jf.spice.Kernels("first") as other:
+        assert repr(kernels) == "Kernels(4 files, 1 body)"
+        assert [(row[1], row[4]) for row in kernels.coverage("CRAFT")] == [("CRAFT", "craft.bsp")] * 2
+        edge, second, first = (k.translation(target=-77, center=399) for k in (kernels, alone, other))
+        assert edge.info.of == "CRAFT"
+    times = np.array([0.0, 123.0, 499.0])  # of which the file named last has the say
+    assert np.array_equal(edge.evaluate(times)[0], second.evaluate(times)[0])
+    assert not np.array_equal(edge.evaluate(times)[0], first.evaluate(times)[0])
+    assert {source.name for source in edge.info.sources} == {"craft.bsp", "names.tf", "all.tm"}
+    (tmp_path / "second" / "craft.bsp").unlink()
+    with pytest.raises(errors.MissingKernelError, match=r"all\.tm cannot be loaded.*second/craft\.bsp"):
+        jf.spice.Kernels(meta)
+
+
 def test_optional_packages_are_found_by_pattern_and_only_when_named(tmp_path, monkeypatch):
     folder = tmp_path / "naif_eop_predict"
     folder.mkdir()

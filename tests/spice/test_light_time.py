@@ -62,6 +62,32 @@ def test_apparent_states_agree_with_spkezr(tree, look_at, cspice, times, correct
         assert (found.acceleration is None) == (correction == "LT")
 
 
+SITE = np.array([-2353621.0, -4641341.0, 3677052.0])
+
+
+@pytest.mark.float64
+@pytest.mark.parametrize("correction", LOOKS)
+def test_seen_from_a_station_as_spkcpo_says(kernels, cspice, times, correction):
+    b = kernels.tree(bodies=[MARS, MOON], frames="ITRF93", start="2026-01-01", stop="2027-01-01").rebuild()
+    b.add("station", parent="ITRF93", edge=jf.edges.Fixed(jf.Transform.from_translation(SITE)))
+    tree = b.build()
+    state = tree.state(time=jf.Epoch.from_et(times))
+    # CSPICE has the velocity of stellar aberration from the observer's velocity differenced over 1 s either side. For a station that is off
+    # by its spin's third derivative, 400 m/s (7.3e-5 / s)^3 / 6 = 3e-11 m/s2, times the light time: 3.4e-8 m/s measured for Mars, and
+    # 5e-10 m/s for the Moon, as much as without aberration.
+    for target, spread in ((MARS, 5e-8 if "S" in correction else 1e-9), (MOON, 1e-9)):
+        found = tree.apparent(state, of=target, relative_to="station", **LOOKS[correction])
+        observer = ("OBSERVER", correction, SITE / 1e3, "EARTH", "ITRF93")
+        seen = [cspice.spkcpo(target, float(t), "J2000", *observer) for t in times]
+        states, delays = np.array([s for s, _ in seen]) * 1e3, np.array([d for _, d in seen])
+        assert np.linalg.norm(found.position - states[:, :3], axis=1).max() <= 5e-3
+        assert np.linalg.norm(found.velocity - states[:, 3:], axis=1).max() <= spread
+        assert np.abs(found.light_time - delays).max() <= 2e-11
+        turned = tree.apparent(state, of=target, relative_to="station", expressed_in="ITRF93", order=0, **LOOKS[correction])
+        states = np.array([cspice.spkcpo(target, float(t), "ITRF93", *observer)[0] for t in times]) * 1e3
+        assert np.linalg.norm(turned.position - states[:, :3], axis=1).max() <= 5e-3
+
+
 def test_in_float32_the_error_is_that_of_the_distance_from_the_root(look_at, cspice, dtype):
     t = START + 86400.0 * np.arange(1, 361, 9)
     found = look_at("XCN+S", t)
