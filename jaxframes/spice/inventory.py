@@ -141,7 +141,7 @@ class Inventory(Names):
                 if not rows and body is None:
                     raise
         if not rows:
-            raise CoverageError(f"No SPK segment of {labelled(name, int(body))} is loaded; kernels.bodies() lists those that are.")
+            raise CoverageError(f"No SPK segment of {labelled(name, int(body or 0))} is loaded; kernels.bodies() lists those that are.")
         return Listing(columns, tuple(rows))
 
     def _spans(self: Any, kind: str, key: int, number: int, name: str) -> list[tuple[Any, ...]]:

@@ -1,7 +1,6 @@
 """The caller's side of the process that reads kernels: start it, ask it, end it."""
 
 import contextlib
-import numbers
 import subprocess
 import sys
 import threading
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxframes.errors import BadKernelError, MissingKernelError, SpiceError
+from jaxframes.spice.tolerance import is_number
 from jaxframes.spice.worker import receive, send
 
 TIMEOUT = 600.0
@@ -34,7 +34,7 @@ def checked_timeout(timeout: Any) -> float | None:
     """
     if timeout is None:
         return None
-    if isinstance(timeout, numbers.Real) and not isinstance(timeout, bool) and 0 < timeout <= threading.TIMEOUT_MAX:
+    if is_number(timeout) and 0 < timeout <= threading.TIMEOUT_MAX:
         return float(timeout)
     raise SpiceError(f"timeout={timeout!r}: give the seconds that one answer may take, more than zero, or None for any time.")
 

@@ -58,6 +58,11 @@ def _is_positive(value: Any) -> bool:
         return False
 
 
+def is_number(value: Any) -> bool:
+    """Whether a value is one real number, of Python or NumPy, and no truth value."""
+    return isinstance(value, numbers.Real) and not isinstance(value, bool)
+
+
 def checked_tolerance(tolerance: Any) -> Tolerance | None:
     """Return a tolerance or None.
 
@@ -93,7 +98,7 @@ def checked_bridge(bridge: Any) -> float | None:
     """Return the longest time in seconds to join attitudes over, None if none is given (SpiceError if it is something else)."""
     if bridge is None:
         return None
-    if isinstance(bridge, numbers.Real) and not isinstance(bridge, bool) and bridge >= 0:
+    if is_number(bridge) and bridge >= 0:
         return float(bridge)
     raise SpiceError(
         f"bridge={bridge!r}: give the longest time in seconds between two attitudes of a C-kernel of type 1 that are to be joined, "
