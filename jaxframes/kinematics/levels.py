@@ -22,7 +22,7 @@ from jaxframes.numerics.boundary import is_concrete
 from jaxframes.numerics.extension import extend
 from jaxframes.numerics.packed import Kind, Packed, unpacked
 from jaxframes.numerics.rigid import AT_REST, inverse
-from jaxframes.numerics.source import source_of
+from jaxframes.numerics.source import Source, source_of
 from jaxframes.numerics.stages import stage
 from jaxframes.numerics.steps import Step
 from jaxframes.tree.edges.base import Edge, Inputs
@@ -42,23 +42,23 @@ def all_frames(context: Context, observer: int) -> Packed:
     row = np.full(len(parents) + 1, -1)
     row[others] = np.arange(len(others))
     stages = plan.staged(row[parents[others]])
-    local = _local(context, turned, [others[level.frames] for level in stages.levels])
+    local = _local(context, turned, [others[level.frames] for level in stages.levels], deep=len(stages.starts) > 0)
     found = _gathered(_accumulated(context, local, stages), [level.frames for level in stages.levels])
     rest = _many(context, 1).packed(AT_REST)
     return _joined([part for part in (_cut(found, 0, observer), rest, _cut(found, observer, len(others))) if part[0].shape[-2]])
 
 
-def _accumulated(context: Context, local: Sequence[Packed], stages: plan.Stages) -> list[Packed]:
+def _accumulated(context: Context, local: Sequence[Packed | Source], stages: plan.Stages) -> list[Packed]:
     """Return the motions of frames relative to the observer, level by level.
 
     Args:
         context: Tree and state.
-        local: Motions of each level's frames relative to the frames that they hang on, [*batch, n, k].
+        local: Motions of each level's frames relative to the frames that they hang on, [*batch, n, k], or what they are made of.
         stages: The plan.
     """
     done: list[Packed] = []
     for level, here in zip(stages.levels, local, strict=True):
-        done.append(here if level.above is None else _composed(context, _rows(done[-1], level.above), here))
+        done.append(_composed(context, () if level.above is None else _rows(done[-1], level.above), here, len(level.frames)))
     if not len(stages.starts):
         return done
     inner = plan.staged(stages.parents)
@@ -66,7 +66,7 @@ def _accumulated(context: Context, local: Sequence[Packed], stages: plan.Stages)
     starts = _accumulated(context, [_rows(ends, level.frames) for level in inner.levels], inner)
     rest = _many(context, 1).packed(AT_REST)
     above = _joined([rest, _gathered(starts, [level.frames for level in inner.levels])])
-    return [_composed(context, _rows(above, level.start), here) for level, here in zip(stages.levels, done, strict=True)]
+    return [_composed(context, _rows(above, level.start), here, len(level.frames)) for level, here in zip(stages.levels, done, strict=True)]
 
 
 def _many(context: Context, count: int) -> Kind:
@@ -74,18 +74,21 @@ def _many(context: Context, count: int) -> Kind:
     return Kind((*context.shape, count), context.dtype, context.order)
 
 
-def _composed(context: Context, parents: Packed, local: Packed) -> Packed:
-    source = source_of(lambda local: (unpacked(local),), local)
-    return extend(parents, source, _many(context, local[0].shape[-2]))
+def _composed(context: Context, parents: Packed, local: Packed | Source, count: int) -> Packed:
+    if not parents and not isinstance(local, Source):
+        return local
+    source = local if isinstance(local, Source) else source_of(lambda local: (unpacked(local),), local)
+    return extend(parents, source, _many(context, count))
 
 
-def _local(context: Context, turned: tuple[int, ...], levels: Sequence[np.ndarray]) -> list[Packed]:
-    """Return the motions of each level's frames relative to the frames that they hang on, [*batch, n, k].
+def _local(context: Context, turned: tuple[int, ...], levels: Sequence[np.ndarray], deep: bool) -> Sequence[Packed | Source]:
+    """Return the motions of each level's frames relative to the frames that they hang on, [*batch, n, k], or what they are made of.
 
     Args:
         context: Tree and state.
         turned: The frames from the observer up to below the root: each parent there hangs on its child, by the inverted motion.
         levels: The frames of each level.
+        deep: Whether the tree is cut into segments.
     """
     groups = np.array([group for group, _ in context.topology.locations])
     # What a frame's motion is made of: the edge above it, or where the edge is turned round the one above the frame it hangs on.
@@ -93,6 +96,11 @@ def _local(context: Context, turned: tuple[int, ...], levels: Sequence[np.ndarra
     edge_of[[context.topology.parents[frame] for frame in turned]] = turned
     wanted = np.concatenate([edge_of[frames] for frames in levels])
     flipped = np.isin(np.concatenate(levels), [context.topology.parents[frame] for frame in turned])
+    family = int(groups[wanted[0]])
+    if deep and (groups[wanted] == family).all() and context.topology.stacked[family] and not flipped.any():
+        # Each level is worked out where it is composed, and nothing is written before (measured: three quarters of the time of a chain).
+        # A shallow tree gains nothing by it and takes longer to compile.
+        return [_family_source(context, family, edge_of[frames].tolist()) for frames in levels]
     parts, places = [], []
     for group in dict.fromkeys(groups[wanted].tolist()):
         at = np.flatnonzero(groups[wanted] == group)
@@ -116,6 +124,11 @@ def _family_motion(context: Context, group: int, frames: list[int]) -> Packed:
     """Return the motions of edges of one family relative to their parents, [*batch, n_edges, k]."""
     if not context.topology.stacked[group]:
         return tuple(array[..., None, :] for array in extend((), context.source(frames), context.kind))
+    return extend((), _family_source(context, group, frames), _many(context, len(frames)))
+
+
+def _family_source(context: Context, group: int, frames: list[int]) -> Source:
+    """Return the steps of edges of one family as one source, each component [*batch, n_edges]."""
     context.check(frames[0])
     rows = np.array([context.topology.locations[frame][1] for frame in frames])
 
@@ -124,7 +137,7 @@ def _family_motion(context: Context, group: int, frames: list[int]) -> Packed:
     def steps(inside: Context) -> tuple[Step, ...]:
         return _family(inside, group, rows).steps(_inputs(inside, frames, places), inside.order)
 
-    return extend((), context.inside(steps, state), _many(context, len(frames)))
+    return context.inside(steps, state)
 
 
 def _in_order(context: Context, frames: list[int]) -> tuple[State, np.ndarray]:

@@ -246,7 +246,7 @@ def _covered(t0: doubles.Pair, t1: doubles.Pair) -> list[Span]:
     return [(_exact(t0, a), _exact(t1, b)) for a, b in zip(first, last, strict=True)]
 
 
-def _exact(times: doubles.Pair, i: int) -> Fraction:
+def _exact(times: doubles.Pair, i: Any) -> Fraction:
     return Fraction(times[0][i]) + Fraction(times[1][i])
 
 
