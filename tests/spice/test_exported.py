@@ -16,21 +16,13 @@ def mars():
         return kernels.orientation(frame="IAU_MARS")
 
 
-@pytest.fixture(params=["exported", "serialized"])
-def exported(request):
-    """Functions as they come out of an export, or of the bytes that it is written as."""
-    if request.param == "serialized":
-        pytest.importorskip("flatbuffers")  # what JAX writes exports with
-
-    def through(program, *arguments):
-        found = jax.export.export(jax.jit(program))(*arguments)
-        return (jax.export.deserialize(found.serialize()) if request.param == "serialized" else found).call
-
-    return through
+def exported(program, *arguments):
+    """A function as it comes out of the bytes that its export is written as."""
+    return jax.export.deserialize(jax.export.export(jax.jit(program))(*arguments).serialize()).call
 
 
 @pytest.mark.parametrize("count", [3, 2 * evaluate.BLOCK + 5])
-def test_tables_and_models(moon, itrf93, mars, rng, dtype, exported, count):
+def test_tables_and_models(moon, itrf93, mars, rng, dtype, count):
     def program(hi, lo):
         epoch = jf.Epoch(hi, lo)
         return [table.evaluate(epoch) for table in (moon, itrf93, mars)], moon.evaluate_two_part(epoch), moon.coverage_code(epoch)
@@ -44,7 +36,7 @@ def test_tables_and_models(moon, itrf93, mars, rng, dtype, exported, count):
         assert np.isfinite(a).all()
 
 
-def test_a_tree(kernels, rng, dtype, exported):
+def test_a_tree(kernels, rng, dtype):
     tree = kernels.tree(bodies="MOON", frames="ITRF93", start="2026-01-01", stop="2026-02-01")
 
     def program(hi, lo):
