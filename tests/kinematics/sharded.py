@@ -47,14 +47,10 @@ def queries():
         motion = tree.motion(tree.state(q=q, qd=q, qdd=q, time=start + t), of="j5", relative_to="craft")
         return sum(jnp.sum(x**2) for x in jax.tree.leaves(motion))
 
-    def height(q, t):
-        return jnp.sum(tree.transform(tree.state(q=q, time=start + t), of="j5", relative_to="itrf93").translation)
-
     return {
         "pose": lambda q, t: tree.transform(tree.state(q=q, time=start + t), of="j5", relative_to="itrf93"),
         "motion": lambda q, t: tree.motion(tree.state(q=q, qd=q, qdd=q, time=start + t), of="j5", relative_to="emb"),
-        "gradient": jax.grad(loss),
-        "vmapped gradient": lambda q, t: jax.vmap(jax.grad(height))(q, t),
+        "gradient": jax.vmap(jax.grad(loss)),
         "all frames": lambda q, t: arm.world_motions(arm.state(q=q, qd=q)),
         "jacobian": lambda q, t: tree.jacobian(tree.state(q=q, time=start + t), of="j5", relative_to="craft"),
         "attached": lambda q, t: tree.motion(tree.state(q=q, qd=q, time=start + t), of="load", relative_to="craft"),
