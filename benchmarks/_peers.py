@@ -1,6 +1,6 @@
 """The peers of the SPICE benchmarks, those that are installed; and how the ratios to them are printed."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,7 +62,7 @@ def table(
     peers: Mapping[str, Peer],
     judged: str,
     rounds: int,
-    bounded: tuple[str, str] | None = None,
+    bounded: Sequence[tuple[str, str]] = (),
 ) -> None:
     """Time our functions of a batch of epochs against peers and print nanoseconds a state and ratios.
 
@@ -73,7 +73,7 @@ def table(
         peers: The contenders by name.
         judged: Which of ours is held to the peers' targets, by the minimum of both.
         rounds: How many times each runs, all in turn.
-        bounded: One of ours that is to cost at most as much as another, and that other.
+        bounded: Pairs of ours of which the first is to cost at most as much as the second.
     """
     print(title)
     times, contenders = jnp.asarray(epochs), {name: peer.run for name, peer in peers.items()}
@@ -86,9 +86,9 @@ def table(
     for name, (least, median) in ns.items():
         ratios = "".join(f"  {ns[p][0] / least:8.1f} x {p}" for p in peers) if name in ours else ""
         print(f"  {name:38s} {least:9.1f} ns minimum {median:9.1f} median{ratios}")
-    if bounded is not None:
-        ratio = ns[bounded[0]][0] / ns[bounded[1]][0]
-        print(f"  {bounded[0]} costs {ratio:.2f} times {bounded[1]}, target 1{'' if ratio <= 1 else ': MISSED'}")
+    for one, other in bounded:
+        ratio = ns[one][0] / ns[other][0]
+        print(f"  {one} costs {ratio:.2f} times {other}, target 1{'' if ratio <= 1 else ': MISSED'}")
     for name, peer in peers.items():
         if peer.target is not None:
             ratio = ns[name][0] / ns[judged][0]
