@@ -268,6 +268,7 @@ def test_a_batch_of_random_graphs_equals_the_loop_and_cycles_spoil_only_their_ow
                 np.testing.assert_allclose(batch[r, i], world(f"tip{i}")[:3], atol=100 * tol)
 
 
+@pytest.mark.float64
 def test_queries_agree_with_the_equivalent_static_tree(dtype, tol):
     tree = arm_scene()
     state = tree.state(q=[0.4, -0.8], qd=[0.5, 0.2], qdd=[-0.3, 0.9])

@@ -32,7 +32,7 @@ def numbers(tree, q, of, relative_to):
 
 
 @pytest.mark.float64
-@pytest.mark.parametrize("joints", [3, 9])
+@pytest.mark.parametrize("joints", [3, pytest.param(9, marks=pytest.mark.slow)])
 def test_first_and_second_derivatives_by_the_state(rng, joints):
     tree = arm(rng, joints)
     q, step = rng.normal(size=(2, 3, joints))

@@ -259,6 +259,7 @@ def test_derivatives_at_the_identity_and_at_unnormalised_quaternions(kind, dtype
     assert_derivatives(tree, matrix, [[*wxyz, *rest] for wxyz in quaternions], dtype)
 
 
+@pytest.mark.slow
 @pytest.mark.float64
 def test_by_level_every_kind_moves_as_unrolled(rng, dtype, monkeypatch):
     b = jf.TreeBuilder(root="base")

@@ -14,7 +14,9 @@ from tests.random_trees import parts, random_tree, unit
 
 
 @pytest.mark.float64
-@pytest.mark.parametrize(("seed", "count"), [(0, 2), (1, 17), (2, 33), (3, 60)])
+@pytest.mark.parametrize(
+    ("seed", "count"), [(0, 2), (1, 17), pytest.param(2, 33, marks=pytest.mark.slow), pytest.param(3, 60, marks=pytest.mark.slow)]
+)
 def test_random_pairs_and_triples_against_matrices(seed, count):
     rng = np.random.default_rng(100 + seed)
     tree, state, links = random_tree(rng, count)
@@ -67,7 +69,7 @@ def moved(motion, t):
 
 
 @pytest.mark.float64
-@pytest.mark.parametrize(("of", "relative_to"), [("tag", "emb"), ("mount", "wheel")])
+@pytest.mark.parametrize(("of", "relative_to"), [("tag", "emb"), pytest.param("mount", "wheel", marks=pytest.mark.slow)])
 def test_motions_are_derivatives_of_poses_through_time(of, relative_to):
     rng = np.random.default_rng(7)
     tree = mixed_scene(rng)

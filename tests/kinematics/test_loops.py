@@ -118,8 +118,15 @@ def test_second_derivatives_are_those_of_the_function(name):
         assert np.isclose(found(0.4)[order], difference, rtol=1e-5), name
 
 
+BRIEF = ("pose", "all frames", "moon")
+
+
 @pytest.mark.parametrize(
-    ("name", "way"), [*((name, scanned) for name in FUNCTIONS), *((name, way) for name in ("pose", "moon") for way in (carried, mapped))]
+    ("name", "way"),
+    [
+        *(pytest.param(name, scanned, marks=() if name in BRIEF else pytest.mark.slow) for name in FUNCTIONS),
+        *((name, way) for name in ("pose", "moon") for way in (carried, mapped)),
+    ],
 )
 def test_derivatives_through_loops(name, way):
     looped = functools.partial(way, FUNCTIONS[name])
@@ -129,6 +136,7 @@ def test_derivatives_through_loops(name, way):
         assert np.isclose(mine, theirs, rtol=1e-9), (float(mine), float(theirs))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["pose", "moon", "earth"])
 def test_third_derivatives_through_a_scan(name):
     looped = functools.partial(scanned, FUNCTIONS[name])

@@ -74,6 +74,7 @@ def test_every_kind_of_batch_and_the_way_back(rng, dtype):
     np.testing.assert_allclose(backward[1], here, atol=bound * float(np.abs(here).max()))
 
 
+@pytest.mark.slow
 @pytest.mark.float64
 def test_both_sides_of_an_ancestor(rng, dtype):
     b = jf.TreeBuilder(root="base")
@@ -91,6 +92,7 @@ def test_both_sides_of_an_ancestor(rng, dtype):
         np.testing.assert_allclose(a, b, atol=1e-11 * max(1.0, float(np.abs(b).max())))
 
 
+@pytest.mark.slow
 @pytest.mark.float64
 def test_first_and_second_derivatives_through_the_scan(rng):
     tree = snake(rng, "RP", 26)

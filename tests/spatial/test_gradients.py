@@ -247,6 +247,7 @@ def test_pose_exponential(tol):
         assert np.abs(jacobian - np.array([exact.derivative(exact_pose, x) for x in rows])).max() < 4 * tol
 
 
+@pytest.mark.slow
 def test_pose_logarithm_undoes_the_exponential(tol):
     value, forward, reverse, second = derivatives(lambda x: Transform.exp(Twist(x[3:], x[:3])).log().as_vector(), POSES)
     assert np.abs(value - POSES).max() < 20 * tol

@@ -85,6 +85,7 @@ def test_every_method(dtype):
         assert_highest_precision(run, value, arguments)
 
 
+@pytest.mark.float64
 def test_derivatives():
     for name in ("Rotation.log", "Rotation.from_matrix", "Rotation.mean", "Transform.log", "Motion.inverse", "Motion.rotvec_rates"):
         run, value, arguments = everything(name)

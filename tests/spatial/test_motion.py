@@ -79,6 +79,7 @@ def near(a, b, tol):
     return s.allclose(a, b, rtol=20 * tol, atol=20 * tol)
 
 
+@pytest.mark.float64
 def test_composition(known, tol):
     first, second = known["first"], known["second"]
     assert near(first @ second, known["product"], tol)

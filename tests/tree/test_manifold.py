@@ -30,7 +30,7 @@ def places(tree, rng, dtype, batch=()):
     )
 
 
-@pytest.mark.parametrize("batch", [(), (3, 1)])
+@pytest.mark.parametrize("batch", [(), pytest.param((3, 1), marks=pytest.mark.slow)])
 def test_integrating_a_difference_arrives_and_the_other_way_round(batch, rng, dtype):
     tree = mixed()
     (q, v), (other, _) = places(tree, rng, dtype, batch), places(tree, rng, dtype, batch)
