@@ -247,7 +247,7 @@ def _covered(t0: doubles.Pair, t1: doubles.Pair) -> list[Span]:
 
 
 def _exact(times: doubles.Pair, i: Any) -> Fraction:
-    return Fraction(times[0][i]) + Fraction(times[1][i])
+    return Fraction(float(times[0][i])) + Fraction(float(times[1][i]))
 
 
 def _uncovered(
