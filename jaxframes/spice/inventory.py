@@ -133,15 +133,17 @@ class Inventory(Names):
             raise UnknownBodyError(f"{of!r} is neither a body nor a frame known to the kernels loaded.{suggest(label.upper(), names)}")
         name = label if body is None else self._name(int(body))
         rows = [] if body is None else self._spans("SPK", int(body), int(body), name)
-        is_number = label.lstrip("+-").isdigit()
+        is_number, why = label.lstrip("+-").isdigit(), ""
         if axes is not None and not (rows and is_number):
             try:
                 rows += self._frame_spans(axes)
-            except (CoverageError, NoPathError):
+            except (CoverageError, NoPathError) as error:
                 if not rows and body is None:
                     raise
+                why = f" {error}"
         if not rows:
-            raise CoverageError(f"No SPK segment of {labelled(name, int(body or 0))} is loaded; kernels.bodies() lists those that are.")
+            known = labelled(name, int(body or 0))
+            raise CoverageError(f"No SPK segment of {known} is loaded; kernels.bodies() lists those that are.{why}")
         return Listing(columns, tuple(rows))
 
     def _spans(self: Any, kind: str, key: int, number: int, name: str) -> list[tuple[Any, ...]]:

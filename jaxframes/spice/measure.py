@@ -130,9 +130,9 @@ def model(kernels: "Kernels", of: str, base: str, arrays: dict[str, np.ndarray])
 
 
 def _epochs(bounds: tuple[Fraction, Fraction]) -> np.ndarray:
-    """Return epochs over a span, its ends among them."""
+    """Return epochs over a span, up to its ends; not these themselves, at which CSPICE may take the segment that follows."""
     low, high = float(bounds[0]), float(bounds[1])
-    low, high = (np.nextafter(x, y) if outside else x for x, y, outside in ((low, high, low < bounds[0]), (high, low, high > bounds[1])))
+    low, high = np.nextafter(low, high), np.nextafter(high, low)
     return np.clip(np.concatenate([[low, high], np.random.default_rng(6).uniform(low, high, EPOCHS)]), low, high)
 
 
