@@ -11,13 +11,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import MissingExtraError, ShapeError
-from jaxframes.numerics.boundary import as_float
 from jaxframes.numerics.components import V3, Quat, rotate_inverse
 from jaxframes.numerics.lift import lift
 from jaxframes.spatial.rotation import Rotation
 from jaxframes.spatial.transform import Transform
 from jaxframes.spatial.twist import Twist, Wrench
 from jaxframes.spatial.velocity import SpatialVelocity
+from jaxframes.staging.arrays import as_float
 
 if TYPE_CHECKING:
     import jaxlie

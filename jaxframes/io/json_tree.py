@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from jaxframes.errors import FormatError, FrameError
-from jaxframes.numerics.boundary import default_float
+from jaxframes.staging.arrays import default_float
 from jaxframes.tree import FrameTree, TreeBuilder
 
 SCHEMA = 1

@@ -9,8 +9,8 @@ import numpy as np
 
 from jaxframes.errors import FormatError
 from jaxframes.io.urdf import IN_LINK, KEPT_IN_JOINT, quaternion_of
-from jaxframes.numerics.boundary import is_concrete
 from jaxframes.spatial import Transform
+from jaxframes.staging.arrays import is_concrete
 from jaxframes.tree import FrameTree, edges
 
 KINDS: dict[type, str] = {

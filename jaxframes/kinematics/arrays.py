@@ -5,11 +5,11 @@ from collections.abc import Iterable, Sequence
 import jax
 from jax import lax
 
-from jaxframes.numerics.boundary import take_apart
 from jaxframes.numerics.components import V3, Quat
 from jaxframes.numerics.packed import Packed
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.spatial import Motion, Rotation, SpatialAcceleration, SpatialVelocity, Transform
+from jaxframes.staging.columns import take_apart
 
 
 def motion_of(arrays: Iterable[jax.Array]) -> Rigid:

@@ -11,12 +11,12 @@ from jaxframes.kinematics.context import Context
 from jaxframes.numerics.components import renormalized
 from jaxframes.numerics.packed import Kind, Packed
 from jaxframes.numerics.rigid import relative
-from jaxframes.numerics.stages import stage
+from jaxframes.staging.stages import stage
 from jaxframes.tree.state import Attachments, State
-from jaxframes.tree.tree import FrameTree
+from jaxframes.tree.structure import Structure
 
 
-def attach(tree: FrameTree, state: State, to: jax.Array, *, frame: int, keep: str) -> State:
+def attach(tree: Structure, state: State, to: jax.Array, *, frame: int, keep: str) -> State:
     """Return a state in which an attachable frame hangs on another one.
 
     Args:
@@ -32,7 +32,7 @@ def attach(tree: FrameTree, state: State, to: jax.Array, *, frame: int, keep: st
     assert held is not None
     if keep == "relative":
         return replace(state, attachments=Attachments(_put(held.parents, row, to, 0), held.motion))
-    order = 0 if keep == "world" else 2 if all(edge.supports_accelerations for edge in tree.edges.values()) else 1
+    order = 0 if keep == "world" else 2 if all(tree._edge(members[0]).supports_accelerations for members in tree.topology.members) else 1
     context = Context(tree, state, order)
     candidates = tree.topology.candidates[row]
     islands = islands_of(context, (frame, *candidates))
@@ -60,7 +60,7 @@ def _put(values: jax.Array, row: int, new: jax.Array, trailing: int) -> jax.Arra
     return full.at[index].set(jnp.broadcast_to(new, (*batch, *tail[1:])).astype(full.dtype))
 
 
-def attachments_valid(tree: FrameTree, state: State) -> jax.Array:
+def attachments_valid(tree: Structure, state: State) -> jax.Array:
     """Return where every attachable frame hangs, link by link, on the root: no cycle, no parent outside its candidates."""
     context = Context(tree, state, 0)
     good = jnp.ones(context.shape, bool)

@@ -21,7 +21,7 @@ from jaxframes.kinematics.walk import known_pose, outward
 from jaxframes.numerics.components import Component, select
 from jaxframes.numerics.packed import Packed, unpacked
 from jaxframes.numerics.rigid import AT_REST, Rigid, compose, relative
-from jaxframes.numerics.stages import stage
+from jaxframes.staging.stages import stage
 
 Table = dict[int, Any]
 

@@ -1,8 +1,7 @@
-"""Context: a state taken apart into components of one dtype and one batch shape, ready for any edge to read."""
+"""Context: a tree and a state as edges read them, of one dtype and one batch shape."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -11,105 +10,98 @@ from jax import lax
 
 from jaxframes.errors import MissingInputError, NoAccelerationError, ShapeError
 from jaxframes.kinematics.arrays import motion_of
-from jaxframes.numerics.boundary import parameters
-from jaxframes.numerics.columns import column
-from jaxframes.numerics.components import V3, Component, mul
-from jaxframes.numerics.extension import folded
+from jaxframes.kinematics.edge_steps import AnySteps, EdgeSteps, GivenSteps, Kept, PathSteps, Reading, unit_twists
 from jaxframes.numerics.packed import Kind
-from jaxframes.numerics.rigid import AT_REST, Rigid
-from jaxframes.numerics.source import Source, source_of
-from jaxframes.numerics.steps import Step, append_all
+from jaxframes.numerics.rigid import Rigid
+from jaxframes.numerics.steps import Step
 from jaxframes.spatial import Motion
-from jaxframes.tree.edges.base import Edge, Inputs
+from jaxframes.staging.traced_inputs import Operands, Source
+from jaxframes.tree.edges.base import Inputs
 from jaxframes.tree.edges.mimic import Mimic
-from jaxframes.tree.joints import float_dtype
 from jaxframes.tree.state import State
-from jaxframes.tree.tree import FrameTree
+from jaxframes.tree.structure import Structure, float_dtype
 
 JOINT_FIELDS: tuple[str, ...] = ("q", "qd", "qdd")
 
 
-class Within(NamedTuple):
-    """What a context within a stage knows from the one outside.
-
-    Attributes:
-        steps: Steps of edges, by frame, that were worked out before: tables have stages of their own.
-        firsts: For ``q``, ``qd`` and ``qdd`` the first column that the state still holds: only those that are read go into a stage.
-    """
-
-    steps: Mapping[int, tuple[Step, ...]]
-    firsts: Mapping[str, int]
-
-
 class Context:
-    """What a computation over a tree reads: the tree, the state's components, the batch shape and the dtype."""
+    """What a computation over a tree reads: the tree, the state's arrays, the batch shape and the dtype."""
 
-    def __init__(self, tree: FrameTree, state: State, order: int, within: Within | None = None):
+    def __init__(self, tree: Structure, state: State, order: int):
         self.tree, self.topology, self.order = tree, tree.topology, order
-        self.dtype = jnp.promote_types(float_dtype(tree.parameters), float_dtype(state))
-        self._firsts: Mapping[str, int] = dict.fromkeys(JOINT_FIELDS, 0) if within is None else within.firsts
-        if within is None:
-            self._check_joints(state)
+        self.dtype = jnp.promote_types(tree.dtype, float_dtype(state))
+        self._check_joints(state)
         self.shape = self._batch_shape(state)
         self.state = state
-        self._steps: dict[int, tuple[Step, ...]] = {} if within is None else dict(within.steps)
+        self._given: dict[int, Any] = {}
 
     @property
     def time(self) -> tuple[jax.Array, jax.Array] | None:
         """The epoch in two parts."""
         time = self.state.time
-        return None if time is None else (self._ranked(time.hi, 0), self._ranked(time.lo, 0))
+        return None if time is None else (self.reading.ranked(time.hi, 0), self.reading.ranked(time.lo, 0))
 
     @property
     def kind(self) -> Kind:
         """What the motions computed are like."""
         return Kind(self.shape, self.dtype, self.order)
 
-    def source(self, frames: Sequence[int], make: "Callable[[Context], Any] | None" = None) -> Source:
-        """Return what a function makes of a context within a stage, as a source of whole arrays.
+    @property
+    def reading(self) -> Reading:
+        """How arrays are read."""
+        return Reading(len(self.shape), np.dtype(self.dtype).name, self.order)
+
+    def source(self, frames: Sequence[int]) -> Source:
+        """Return the steps of the edges above frames, one after the other, as a source of whole arrays."""
+        operands = Operands()
+        edges = self.edge_steps(frames, operands)
+        return Source(PathSteps(edges, self.reading), tuple(operands.arrays))
+
+    def edge_steps(self, frames: Sequence[int], operands: Operands, whole: bool = False) -> tuple[AnySteps, ...]:
+        """Return the steps of the edges above frames as functions of arrays.
 
         Args:
-            frames: The frames whose edges it reads.
-            make: Returns a structure of components. Default: the steps of the edges above the frames, one after the other.
+            frames: The frames.
+            operands: Takes the arrays.
+            whole: Whether to take a state's arrays as they are. Else only the columns go in that the edges read.
         """
         for frame in frames:
             self.check(frame)
-        given = {frame: self.steps(frame) for frame in frames if self.tree._edge(frame).needs_time}
-        state, firsts = self.state, {}
-        for kind in JOINT_FIELDS:
-            first, last = self._window(kind, frames)
-            firsts[kind] = first
-            array = getattr(state, kind)
-            if last - first < array.shape[-1]:
-                state = replace(state, **{kind: lax.slice_in_dim(array, first, last, axis=array.ndim - 1)})
+        windows = {kind: self._window(kind, frames, whole) for kind in JOINT_FIELDS[: 1 + self.order]}
+        return tuple(self._edge_steps(frame, operands, windows) for frame in frames)
 
-        def steps(inside: Context) -> tuple[Step, ...]:
-            return folded(step for frame in frames for step in inside.steps(frame))
+    def _edge_steps(self, frame: int, operands: Operands, windows: Mapping[str, tuple[int, jax.Array]]) -> AnySteps:
+        if self.tree._edge(frame).needs_time:
+            steps, twists = self._given_steps(frame)
+            return GivenSteps(operands.components(steps), operands.components(twists))
+        driver, followers = frame, []
+        while self.topology.sources[driver] >= 0:
+            followers.append(operands.parts(self.tree._edge(driver).bare()))
+            driver = self.topology.sources[driver]
+        first_q, nq, first_v, nv = self.topology.coordinates[driver]
+        kept = []
+        for kind, (start, array) in windows.items():
+            first, count = (first_q, nq) if kind == "q" else (first_v, nv)
+            kept.append(Kept(operands.place(array) if count else 0, first - start, count))
+        row, held = self.topology.prescribed[frame], None
+        if row >= 0:
+            held = tuple(operands.place(leaf) for leaf in self._leaves(self.state.prescribed)), row
+        edge = operands.parts(self.tree._edge(frame).bare())
+        return EdgeSteps(edge, tuple(kept), (nq, nv), tuple(reversed(followers)), held)
 
-        return self._inside(make or steps, state, given, firsts)
-
-    def inside(self, make: "Callable[[Context], Any]", state: State) -> Source:
-        """Return what a function makes of a context within a stage, of a state like this one's and edges that need no time."""
-        return self._inside(make, state, {}, dict.fromkeys(JOINT_FIELDS, 0))
-
-    def _inside(
-        self, make: "Callable[[Context], Any]", state: State, given: Mapping[int, tuple[Step, ...]], firsts: Mapping[str, int]
-    ) -> Source:
-        def made(tree: FrameTree, state: State, given: Mapping[int, tuple[Step, ...]]) -> Any:
-            return make(Context(tree, state, self.order, Within(given, firsts)))
-
-        return source_of(made, self.tree, state, given)
-
-    def _window(self, kind: str, frames: Sequence[int]) -> tuple[int, int]:
-        """Return the first column of ``q``, ``qd`` or ``qdd`` that edges read, and the one after the last."""
-        spans = []
+    def _window(self, kind: str, frames: Sequence[int], whole: bool) -> tuple[int, jax.Array]:
+        """Return the columns of ``q``, ``qd`` or ``qdd`` between the first and the last that edges read, and where they start."""
+        array, spans = getattr(self.state, kind), []
         for frame in frames:
             while self.topology.sources[frame] >= 0:
                 frame = self.topology.sources[frame]
             first_q, nq, first_v, nv = self.topology.coordinates[frame]
             spans.append((first_q, nq) if kind == "q" else (first_v, nv))
         used = [(first, first + count) for first, count in spans if count]
-        return (min(first for first, _ in used), max(last for _, last in used)) if used else (0, 0)
+        first, last = (min(first for first, _ in used), max(last for _, last in used)) if used else (0, 0)
+        if whole or last - first == array.shape[-1] or not used:
+            return 0, array
+        return first, lax.slice_in_dim(array, first, last, axis=array.ndim - 1)
 
     def _check_joints(self, state: State) -> None:
         for kind, count in (("q", self.topology.nq), ("qd", self.topology.nv), ("qdd", self.topology.nv)):
@@ -136,8 +128,7 @@ class Context:
         if state.attachments is not None:
             shapes += [state.attachments.parents.shape[:-1]]
             shapes += [leaf.shape[:-2] for leaf in jax.tree.leaves(state.attachments.motion)]
-        for leaves, stacked in zip(self.tree.parameters, self.topology.stacked, strict=True):
-            shapes += [leaf.shape[:-2] for leaf in leaves if stacked]
+        shapes.append(self.tree.batch_shape)
         try:
             return jnp.broadcast_shapes(*shapes)
         except ValueError:
@@ -147,30 +138,10 @@ class Context:
             text = ", ".join(f"{name} {shape}" for name, shape in fields.items())
             raise ShapeError(f"the batch axes of the state and the tree do not broadcast: {text}") from None
 
-    def _ranked(self, array: jax.Array, trailing: int) -> jax.Array:
-        """Return an array in the common dtype, its batch axes padded on the left to the common rank (none stays none)."""
-        own = array.ndim - trailing
-        missing = len(self.shape) - own if own else 0
-        converted = array.astype(self.dtype)
-        return lax.expand_dims(converted, range(missing)) if missing else converted
-
-    def _columns(self, kind: str, first: int, count: int) -> tuple[Component, ...]:
-        first -= self._firsts[kind]
-        array = self._ranked(getattr(self.state, kind), 1)
-        return tuple(column(array, first + i) for i in range(count))
-
     def gathered(self, kind: str, columns: np.ndarray) -> jax.Array:
         """Return some columns of ``q``, ``qd`` or ``qdd`` as one component [*batch, n]."""
-        return self._whole(picked(self._ranked(getattr(self.state, kind), 1), columns, -1), 0)
-
-    def _whole(self, array: jax.Array, trailing: int) -> jax.Array:
-        """Return an array of several frames, [n] or [*batch, n] before its trailing axes, with all batch axes."""
-        return lax.expand_dims(array, range(len(self.shape) + 1 + trailing - array.ndim))
-
-    def prescribed(self, rows: np.ndarray) -> Rigid:
-        """Return several of the motions that the state holds for prescribed edges, components [*batch, n]."""
-        ranked = (self._ranked(leaf, 2) for leaf in self._leaves(self.state.prescribed))
-        return motion_of(self._whole(picked(leaf, rows, -2), 1) for leaf in ranked)
+        array = picked(self.reading.ranked(getattr(self.state, kind), 1), columns, -1)
+        return lax.expand_dims(array, range(len(self.shape) + 1 - array.ndim))
 
     def attachment(self, row: int) -> tuple[jax.Array, Rigid]:
         """Return the parent's index and the motion relative to it of an attachable frame, by its row in the state."""
@@ -180,9 +151,13 @@ class Context:
         missing = len(self.shape) - parents.ndim if parents.ndim else 0
         return (lax.expand_dims(parents, range(missing)) if missing else parents), self._held(held.motion, row)
 
+    def held_motions(self) -> tuple[jax.Array, ...]:
+        """Return the arrays of the motions that the state holds for prescribed edges, as far as the order asks."""
+        return self._leaves(self.state.prescribed)
+
     def _held(self, held: Motion, row: int) -> Rigid:
         """Return one of the motions that a state holds, as far as the order asks."""
-        return motion_of(self._ranked(lax.index_in_dim(leaf, row, leaf.ndim - 2, keepdims=False), 1) for leaf in self._leaves(held))
+        return motion_of(self.reading.ranked(lax.index_in_dim(leaf, row, leaf.ndim - 2, keepdims=False), 1) for leaf in self._leaves(held))
 
     def _leaves(self, held: Motion) -> tuple[jax.Array, ...]:
         """Return the arrays of motions that a state holds, as far as the order asks."""
@@ -196,29 +171,23 @@ class Context:
         )
         return leaves[: 2 + 2 * self.order]
 
-    def edge(self, frame: int) -> Edge:
-        """Return the edge above a frame, float parameters in the common dtype."""
-        return jax.tree.map(self.converted, self.tree._edge(frame))
+    def _given_steps(self, frame: int) -> tuple[tuple[Step, ...], Any]:
+        """Return the steps and unit twists of an edge that reads the time; they are worked out once, however often they are asked for."""
+        if frame not in self._given:
+            edge, operands = self.tree._edge(frame), Operands()
+            first_q, nq, first_v, nv = self.topology.coordinates[frame]
+            kept = tuple(
+                Kept(operands.place(getattr(self.state, kind)), *((first_q, nq) if kind == "q" else (first_v, nv)))
+                for kind in JOINT_FIELDS[: 1 + self.order]
+            )
+            own = EdgeSteps(operands.parts(edge.bare()), kept, (nq, nv)).inputs(operands.arrays, self.reading)
+            edge, inputs = self.reading.edge(edge), own._replace(time=self.time)
+            self._given[frame] = edge.steps(inputs, self.order), unit_twists(edge, inputs) if nv else []
+        return self._given[frame]
 
-    def converted(self, leaf: Any) -> Any:
-        """Return a parameter in the common dtype, if it is a float."""
-        return leaf.astype(self.dtype) if jnp.issubdtype(leaf.dtype, jnp.floating) else leaf
-
-    def steps(self, frame: int) -> tuple[Step, ...]:
-        """Return the steps of the edge above a frame; those of tables are worked out once, however often they are asked for.
-
-        Raises:
-            NoAccelerationError: Accelerations are asked for and the edge has none.
-            MissingInputError: The edge needs the time and the state has none.
-        """
-        if frame in self._steps:
-            return self._steps[frame]
-        self.check(frame)
-        edge = self.edge(frame)
-        steps = edge.steps(self.inputs(frame), self.order)
-        if edge.needs_time:
-            self._steps[frame] = steps
-        return steps
+    def fixed_steps(self, frame: int) -> tuple[Step, ...]:
+        """Return the steps of a fixed edge, which reads nothing but its own numbers."""
+        return self.reading.edge(self.tree._edge(frame)).steps(Inputs(batch_rank=len(self.shape)), self.order)
 
     def check(self, frame: int) -> None:
         """Raise NoAccelerationError or MissingInputError where the edge above a frame cannot answer."""
@@ -233,47 +202,12 @@ class Context:
 
     def rates_of(self, frame: int) -> tuple[int, ...]:
         """Return the index in ``qd`` of each rate that moves the edge above a frame."""
-        first, _ = self._driver(frame)
-        return tuple(first + i for i in range(len(self.coordinates(frame)[1])))
-
-    def unit_twists(self, frame: int) -> list[tuple[V3, V3]]:
-        """Return, for each rate of the edge above a frame, the edge's velocity (angular, linear) for a unit of it."""
-        _, scale = self._driver(frame)
-        edge, own = self.edge(frame), self.inputs(frame)
-        count = len(own.qd)
-        ones = [tuple(scale if i == j else 0.0 for j in range(count)) for i in range(count)]
-        steps = (edge.steps(own._replace(qd=one, qdd=(0.0,) * count), 1) for one in ones)
-        moved = (append_all(AT_REST, each, 1) for each in steps)
-        return [(motion.angular, motion.linear) for motion in moved]
-
-    def _driver(self, frame: int) -> tuple[int, Component]:
-        """Return the index in ``qd`` of the first rate that moves an edge, and by how much: 1 unless it follows others."""
-        source, edge = self.topology.sources[frame], self.edge(frame)
-        if source < 0 or not isinstance(edge, Mimic):
-            return self.topology.coordinates[frame][2], 1.0
-        first, scale = self._driver(source)
-        return first + edge.coordinate, mul(scale, parameters(edge.multiplier, len(self.shape))[0])
-
-    def coordinates(self, frame: int) -> tuple[tuple[Component, ...], tuple[Component, ...], tuple[Component, ...]]:
-        """Return the coordinates of an edge and their first and second derivatives: its own, or those that it follows."""
-        source, edge = self.topology.sources[frame], self.edge(frame)
-        if source >= 0 and isinstance(edge, Mimic):
-            return edge.follow(*self.coordinates(source), len(self.shape))
-        first_q, nq, first_v, nv = self.topology.coordinates[frame]
-        return self._columns("q", first_q, nq), self._columns("qd", first_v, nv), self._columns("qdd", first_v, nv)
-
-    def inputs(self, frame: int) -> Inputs:
-        """Return what the edge above a frame may read."""
-        row = self.topology.prescribed[frame]
-        q, qd, qdd = self.coordinates(frame)
-        return Inputs(
-            q=q,
-            qd=qd,
-            qdd=qdd,
-            time=self.time,
-            prescribed=None if row < 0 else self._held(self.state.prescribed, row),
-            batch_rank=len(self.shape),
-        )
+        first, count = 0, self.topology.coordinates[frame][3]
+        while (source := self.topology.sources[frame]) >= 0:
+            edge = self.tree._edge(frame)
+            assert isinstance(edge, Mimic)
+            first, count, frame = first + edge.coordinate, count or edge.edge.nv, source
+        return tuple(self.topology.coordinates[frame][2] + first + i for i in range(count))
 
 
 def picked(array: jax.Array, places: np.ndarray, axis: int) -> jax.Array:

@@ -1,23 +1,24 @@
 """Jacobians: the velocity of a frame for a unit rate of each joint, by geometry."""
 
-from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from jaxframes.kinematics.context import Context
-from jaxframes.numerics.boundary import assemble
+from jaxframes.kinematics.edge_steps import AnySteps, Reading
 from jaxframes.numerics.components import V3, ZERO, Component, cross, quat_conj, quat_mul, rotate
 from jaxframes.numerics.computed import Program, computed
 from jaxframes.numerics.extension import half_angles, has_angles, with_halves
-from jaxframes.numerics.layout import stacked
-from jaxframes.numerics.operation import Arrays
 from jaxframes.numerics.packed import WIDEST, Packed, unpacked
 from jaxframes.numerics.rigid import AT_REST, Rigid
-from jaxframes.numerics.source import Source
-from jaxframes.numerics.steps import append_all
+from jaxframes.numerics.steps import Step, append_all
 from jaxframes.numerics.trig import Half
+from jaxframes.staging.columns import assemble
+from jaxframes.staging.operation import Arrays
+from jaxframes.staging.sharding import stacked
+from jaxframes.staging.traced_inputs import Operands, outline
 
 
 def jacobian(context: Context, of: int, relative_to: int, axes: Packed | None) -> jax.Array:
@@ -31,51 +32,89 @@ def jacobian(context: Context, of: int, relative_to: int, axes: Packed | None) -
     """
     if not context.topology.nv:
         return jnp.zeros((*context.shape, 6, 0), context.dtype)
-    program = _Jacobian(context, of, relative_to, () if axes is None else axes)
-    parts = computed(program, *program.arrays)
+    topology, operands, count = context.topology, Operands(), context.topology.nv
+    ways = topology.route(of, relative_to)
+    # Poses are all that is needed of the path; rates enter as units.
+    steps = iter(context.edge_steps([frame for way in ways for frame in way], operands))
+    edges = tuple(tuple(_Edge(next(steps), context.rates_of(frame)) for frame in way) for way in ways)
+    recipe = _Parts(edges, context.reading)
+    turned = () if axes is None else axes
+    known = outline(recipe, operands.arrays)
+    angles = has_angles(step for way in known for made, _ in way for step in made)
+    program = _Jacobian(recipe, len(turned), context.shape, context.dtype, count, angles)
+    parts = computed(program, *turned, *operands.arrays)
     rows = [parts[i : i + len(program.spans)] for i in range(0, len(parts), len(program.spans))]
     whole = [row[0] if len(row) == 1 else jnp.concatenate(row, -1) for row in rows]
     return stacked(whole, -2)
 
 
+class _Edge(NamedTuple):
+    """An edge on the path, and the index in ``qd`` of each rate that moves it."""
+
+    steps: AnySteps
+    rates: tuple[int, ...]
+
+
+Made = tuple[tuple[Step, ...], list[tuple[V3, V3]]]
+"""Steps and unit twists of an edge."""
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """What the Jacobian is made of: for the observer's side and the target's, steps and unit twists of each edge."""
+
+    ways: tuple[tuple[_Edge, ...], ...]
+    reading: Reading
+
+    def __call__(self, *arrays: jax.Array) -> list[list[Made]]:
+        made = lambda edge: (edge.steps.steps(arrays, self.reading), edge.steps.unit_twists(arrays, self.reading))  # noqa: E731
+        return [[made(edge) for edge in way] for way in self.ways]
+
+
+@dataclass(frozen=True)
 class _Jacobian(Program):
-    """Six rows, each cut into spans of columns that are written by one loop."""
+    """Six rows, each cut into spans of columns that are written by one loop.
 
-    def __init__(self, context: Context, of: int, relative_to: int, axes: Packed):
-        self._context, count = context, context.topology.nv
-        self._ways = context.topology.route(of, relative_to)
-        frames = [frame for way in self._ways for frame in way]
-        self._indices = {frame: context.rates_of(frame) for frame in frames}
+    Attributes:
+        parts: What it is made of.
+        turned: How many arrays hold the observer's pose in other axes.
+        shape: Batch shape.
+        dtype: Dtype.
+        count: How many rates there are.
+        has_angles: As in ``Program``.
+    """
 
-        def make(inside: Context) -> Any:
-            return {frame: (inside.steps(frame), inside.unit_twists(frame)) for frame in frames}
+    parts: _Parts
+    turned: int
+    shape: tuple[int, ...]
+    dtype: Any
+    count: int
+    has_angles: bool
 
-        self._source: Source = context.source(frames, make)
-        outline = self._source.outline
-        self.has_angles = has_angles(step for frame in frames for step in outline[frame][0])
-        self._turned, self.arrays = len(axes), (*axes, *self._source.arrays)
-        self.spans = [(first, min(first + WIDEST, count)) for first in range(0, count, WIDEST)]
-        self.results = [jax.ShapeDtypeStruct((*context.shape, b - a), context.dtype) for _ in range(6) for a, b in self.spans]
+    @property
+    def spans(self) -> list[tuple[int, int]]:
+        """The first column of each span, and the one after its last."""
+        return [(first, min(first + WIDEST, self.count)) for first in range(0, self.count, WIDEST)]
 
-    def _made(self, arrays: Arrays) -> Any:
-        return self._source(*arrays[self._turned :])
+    @property
+    def results(self) -> list[jax.ShapeDtypeStruct]:
+        return [jax.ShapeDtypeStruct((*self.shape, b - a), self.dtype) for _ in range(6) for a, b in self.spans]
 
     def angles(self, *arrays: jax.Array) -> list[jax.Array]:
-        made = self._made(arrays)
-        return half_angles(step for way in self._ways for frame in way for step in made[frame][0])
+        made = self.parts(*arrays[self.turned :])
+        return half_angles(step for way in made for steps, _ in way for step in steps)
 
     def values(self, pair: Half, *arrays: jax.Array) -> Arrays:
-        columns, observer = self._columns(pair, self._made(arrays))
+        columns, observer = self._columns(pair, self.parts(*arrays[self.turned :]))
         turn = quat_conj(observer.rotation)
-        if self._turned:
-            turn = quat_mul(unpacked(arrays[: self._turned]).rotation, turn)
-        found: list[tuple[Component, ...]] = [(0.0,) * 6] * self._context.topology.nv
+        if self.turned:
+            turn = quat_mul(unpacked(arrays[: self.turned]).rotation, turn)
+        found: list[tuple[Component, ...]] = [(0.0,) * 6] * self.count
         for index, twist in columns.items():
             found[index] = tuple(c for half in twist for c in rotate(turn, half))
-        shape, dtype = self._context.shape, self._context.dtype
-        return tuple(assemble([column[row] for column in found[a:b]], shape, dtype) for row in range(6) for a, b in self.spans)
+        return tuple(assemble([column[row] for column in found[a:b]], self.shape, self.dtype) for row in range(6) for a, b in self.spans)
 
-    def _columns(self, pair: Half, made: Any) -> tuple[dict[int, tuple[V3, V3]], Rigid]:
+    def _columns(self, pair: Half, made: list[list[Made]]) -> tuple[dict[int, tuple[V3, V3]], Rigid]:
         """Return (angular, linear) of the relative velocity for a unit of each rate, in the axes of the common ancestor.
 
         A joint below the common ancestor turns and shifts everything above the target by its own twist, carried to the target's
@@ -84,12 +123,12 @@ class _Jacobian(Program):
         Returns:
             The columns by index in ``qd``, and the observer's pose in the common ancestor.
         """
-        observer, target = (self._poses(way, pair, made) for way in self._ways)
+        observer, target = (self._poses(way, pair) for way in made)
         end = target[-1].translation
         found: dict[int, tuple[V3, V3]] = {}
-        for frames, poses, sign in zip(self._ways, (observer, target), (-1.0, 1.0), strict=True):
-            for frame, parent, child in zip(frames, poses, poses[1:], strict=False):
-                for index, (spin, slip) in zip(self._indices[frame], made[frame][1], strict=True):
+        for edges, way, poses, sign in zip(self.parts.ways, made, (observer, target), (-1.0, 1.0), strict=True):
+            for edge, (_, twists), parent, child in zip(edges, way, poses, poses[1:], strict=False):
+                for index, (spin, slip) in zip(edge.rates, twists, strict=True):
                     angular = rotate(parent.rotation, spin) * sign
                     linear = rotate(parent.rotation, slip) * sign + cross(angular, end - child.translation)
                     old = found.get(index, (ZERO, ZERO))
@@ -97,8 +136,8 @@ class _Jacobian(Program):
         return found, observer[-1]
 
     @staticmethod
-    def _poses(frames: Sequence[int], pair: Half, made: Any) -> list[Rigid]:
+    def _poses(way: list[Made], pair: Half) -> list[Rigid]:
         poses = [AT_REST]
-        for frame in frames:
-            poses.append(append_all(poses[-1], with_halves(made[frame][0], pair), 0))
+        for steps, _ in way:
+            poses.append(append_all(poses[-1], with_halves(steps, pair), 0))
         return poses

@@ -9,23 +9,25 @@ both. A chain of a thousand frames takes some thirty stages instead of a thousan
 import functools
 import itertools
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 
 from jaxframes.kinematics import doubling, plan
+from jaxframes.kinematics.arrays import motion_of
 from jaxframes.kinematics.context import JOINT_FIELDS, Context, picked
-from jaxframes.numerics.boundary import is_concrete
-from jaxframes.numerics.extension import extend
+from jaxframes.kinematics.edge_steps import EdgeSteps, Reading
+from jaxframes.numerics.extension import StepsRecipe, extend
 from jaxframes.numerics.packed import Kind, Packed, unpacked
 from jaxframes.numerics.rigid import AT_REST, inverse
-from jaxframes.numerics.source import Source, source_of
-from jaxframes.numerics.stages import stage
 from jaxframes.numerics.steps import Step
-from jaxframes.tree.edges.base import Edge, Inputs
+from jaxframes.staging.stages import stage
+from jaxframes.staging.traced_inputs import Operands, Source
+from jaxframes.tree.edges.base import Inputs
 from jaxframes.tree.state import State
 from jaxframes.tree.ways import FEWEST
 
@@ -77,8 +79,7 @@ def _many(context: Context, count: int) -> Kind:
 def _composed(context: Context, parents: Packed, local: Packed | Source, count: int) -> Packed:
     if not parents and not isinstance(local, Source):
         return local
-    source = local if isinstance(local, Source) else source_of(lambda local: (unpacked(local),), local)
-    return extend(parents, source, _many(context, count))
+    return extend(parents, local if isinstance(local, Source) else Source(Motions(), local), _many(context, count))
 
 
 def _local(context: Context, turned: tuple[int, ...], levels: Sequence[np.ndarray], deep: bool) -> Sequence[Packed | Source]:
@@ -130,14 +131,98 @@ def _family_motion(context: Context, group: int, frames: list[int]) -> Packed:
 def _family_source(context: Context, group: int, frames: list[int]) -> Source:
     """Return the steps of edges of one family as one source, each component [*batch, n_edges]."""
     context.check(frames[0])
-    rows = np.array([context.topology.locations[frame][1] for frame in frames])
-
+    topology, operands = context.topology, Operands()
+    numbers = tuple(operands.place(_in_dtype(leaf, context.dtype)) for leaf in context.tree.numbers(frames))
+    rank = len(context.shape)
+    reading = replace(context.reading, rank=rank + 1)
+    if topology.prescribed[frames[0]] >= 0:
+        rows = tuple(topology.prescribed[frame] for frame in frames)
+        held = tuple(operands.place(leaf) for leaf in context.held_motions())
+        return Source(FamilySteps(topology.groups[group], numbers, (), (0, 0), (held, rows), reading), tuple(operands.arrays))
     state, places = _in_order(context, frames)
+    counts = int(places[0, 1]), int(places[0, 3])
+    kept = []
+    for kind, at in zip(JOINT_FIELDS[: 1 + context.order], (0, 2, 2), strict=False):
+        count = int(places[0, at + 1])
+        columns = tuple(tuple((places[:, at] + i).tolist()) for i in range(count))
+        kept.append((operands.place(getattr(state, kind)) if count else 0, columns))
+    followed = _followed(context, frames, operands)
+    recipe = FamilySteps(topology.groups[group], numbers, tuple(kept), counts, None, reading, followed)
+    return Source(recipe, tuple(operands.arrays))
 
-    def steps(inside: Context) -> tuple[Step, ...]:
-        return _family(inside, group, rows).steps(_inputs(inside, frames, places), inside.order)
 
-    return context.inside(steps, state)
+def _in_dtype(leaf: Any, dtype: Any) -> jax.Array:
+    return jnp.asarray(leaf).astype(dtype) if jnp.issubdtype(leaf.dtype, jnp.floating) else jnp.asarray(leaf)
+
+
+def _followed(context: Context, frames: list[int], operands: Operands) -> tuple[EdgeSteps, ...]:
+    """Return, for edges that follow others, each with the ones that it follows: whence its coordinates come."""
+    if all(context.topology.sources[frame] < 0 for frame in frames):
+        return ()
+    return tuple(edge for edge in context.edge_steps(frames, operands) if isinstance(edge, EdgeSteps))
+
+
+@dataclass(frozen=True)
+class Motions(StepsRecipe):
+    """One step: a motion that is given as arrays."""
+
+    def __call__(self, *arrays: jax.Array) -> tuple[Step, ...]:
+        """Return the step."""
+        return (unpacked(arrays),)
+
+
+@dataclass(frozen=True)
+class FamilySteps(StepsRecipe):
+    """The steps of several edges of one family, each component [*batch, n_edges].
+
+    Attributes:
+        definition: How an edge of the family is put together.
+        parameters: Places of its numbers [..., n_edges, k].
+        kept: For ``q``, ``qd`` and ``qdd`` (as far as the order asks) the place of the array, and the column of each edge, coordinate
+            after coordinate.
+        counts: How many coordinates and rates an edge has.
+        held: Places of the arrays of motions that a state holds, and each edge's row; None for edges that are not prescribed.
+        reading: How arrays are read; the rank counts the axis of edges.
+        followed: Where the coordinates of edges come from that follow others.
+    """
+
+    definition: Any
+    parameters: tuple[int, ...]
+    kept: tuple[tuple[int, tuple[tuple[int, ...], ...]], ...]
+    counts: tuple[int, int]
+    held: tuple[tuple[int, ...], tuple[int, ...]] | None
+    reading: Reading
+    followed: tuple[EdgeSteps, ...] = ()
+
+    def __call__(self, *arrays: jax.Array) -> tuple[Step, ...]:
+        """Return the steps."""
+        edge = self.reading.edge(jax.tree.unflatten(self.definition, [arrays[place] for place in self.parameters]))
+        return edge.steps(self._inputs(arrays), self.reading.order)
+
+    def _inputs(self, arrays: Sequence[jax.Array]) -> Inputs:
+        rank = self.reading.rank
+        alone = replace(self.reading, rank=rank - 1)
+        if self.held is not None:
+            places, rows = self.held
+            leaves = (picked(alone.ranked(arrays[place], 2), np.array(rows), -2) for place in places)
+            held = motion_of(lax.expand_dims(leaf, range(rank + 1 - leaf.ndim)) for leaf in leaves)
+            return Inputs(prescribed=held, batch_rank=rank)
+        if self.followed:
+            each = [edge.inputs(arrays, alone)[:3] for edge in self.followed]
+            shape = jnp.broadcast_shapes(*(np.shape(c) for c in jax.tree.leaves(each)))
+            return Inputs(*doubling.stacked(each, shape, self.reading.dtype), batch_rank=rank)
+        rows = [tuple(self._column(arrays[place], one, alone) for one in columns) for place, columns in self.kept]
+        rows += [(0.0,) * self.counts[1]] * (3 - len(rows))
+        return Inputs(*rows, batch_rank=rank)  # pyright: ignore[reportArgumentType]
+
+    def _column(self, array: jax.Array, columns: tuple[int, ...], alone: Reading) -> jax.Array:
+        found = picked(alone.ranked(array, 1), np.array(columns), -1)
+        return lax.expand_dims(found, range(self.reading.rank - found.ndim))
+
+    @property
+    def numbers(self) -> frozenset[int]:
+        """Places of the arrays that are the tree's own numbers."""
+        return frozenset(self.parameters)
 
 
 def _in_order(context: Context, frames: list[int]) -> tuple[State, np.ndarray]:
@@ -159,35 +244,6 @@ def _in_order(context: Context, frames: list[int]) -> tuple[State, np.ndarray]:
         state = replace(state, **{kind: stage(functools.partial(picked, places=columns, axis=-1))(getattr(state, kind))})
         arranged[:, at] = count * np.arange(len(frames))
     return state, arranged
-
-
-def _family(context: Context, group: int, rows: np.ndarray) -> Edge:
-    """Return several edges of a family as one: every parameter is a batch [..., n_edges, k]."""
-
-    def several(leaf: jax.Array) -> Any:
-        if is_concrete(leaf):  # known numbers: nothing is left for the compiled program to do
-            return jnp.asarray(np.asarray(leaf)[..., rows, :].astype(context.dtype))
-        return picked(jnp.asarray(leaf), rows, -2).astype(context.dtype)
-
-    topology = context.topology
-    return jax.tree.unflatten(topology.groups[group], [several(leaf) for leaf in context.tree.parameters[group]])
-
-
-def _inputs(context: Context, frames: list[int], places: np.ndarray) -> Inputs:
-    """Return what several edges of one family, with their coordinates at places [n_edges, 4], read as one: components [*batch, n_edges]."""
-    batch_rank = len(context.shape) + 1
-    time = None if context.time is None else (context.time[0][..., None], context.time[1][..., None])
-    topology = context.topology
-    if any(topology.sources[frame] >= 0 for frame in frames):
-        each = [context.coordinates(frame) for frame in frames]
-        q, qd, qdd = doubling.stacked(each, context.shape, context.dtype)
-        return Inputs(q, qd, qdd, time, None, batch_rank)
-    if topology.prescribed[frames[0]] >= 0:
-        held = context.prescribed(np.array([topology.prescribed[frame] for frame in frames]))
-        return Inputs(time=time, prescribed=held, batch_rank=batch_rank)
-    q = tuple(context.gathered("q", places[:, 0] + i) for i in range(places[0, 1]))
-    qd, qdd = (tuple(context.gathered(kind, places[:, 2] + i) for i in range(places[0, 3])) for kind in ("qd", "qdd"))
-    return Inputs(q, qd, qdd, time, None, batch_rank)
 
 
 def _rows(arrays: Packed, rows: np.ndarray) -> Packed:

@@ -17,21 +17,21 @@ from jaxframes.errors import MissingInputError
 from jaxframes.kinematics.attached import between
 from jaxframes.kinematics.context import Context
 from jaxframes.kinematics.rates import broadcast, rate
-from jaxframes.numerics.boundary import assemble, take_apart
 from jaxframes.numerics.components import V3, Component, cross, dot, mul, rotate
 from jaxframes.numerics.packed import Packed, unpacked
 from jaxframes.numerics.rigid import Rigid
-from jaxframes.numerics.stages import stage
 from jaxframes.spatial import Epoch
+from jaxframes.staging.columns import assemble, take_apart
+from jaxframes.staging.stages import stage
 from jaxframes.tree.apparent import SPEED_OF_LIGHT, ApparentState, Looking
 from jaxframes.tree.state import State
-from jaxframes.tree.tree import FrameTree
+from jaxframes.tree.structure import Structure
 
 STEPS = 3
 """Steps of the fixed point after the geometric guess. Each gains a factor of v/c, four digits: three leave nothing to gain."""
 
 
-def apparent(tree: FrameTree, state: State, looking: Looking) -> ApparentState:
+def apparent(tree: Structure, state: State, looking: Looking) -> ApparentState:
     """Return what an observer sees, as ``FrameTree.apparent`` says."""
     state = broadcast(state)
     time = _time(state)
@@ -65,7 +65,7 @@ def apparent(tree: FrameTree, state: State, looking: Looking) -> ApparentState:
     return ApparentState(position, velocity, acceleration, tau, speed, coverage)  # pyright: ignore[reportArgumentType]
 
 
-def _at_root(tree: FrameTree, state: State, frame: int, order: int) -> Packed:
+def _at_root(tree: Structure, state: State, frame: int, order: int) -> Packed:
     """Return the motion of a frame relative to the root."""
     return between(Context(tree, state, order), frame, 0)
 
@@ -86,7 +86,7 @@ def _length(vector: V3) -> jax.Array:
     return jnp.sqrt(jnp.asarray(dot(vector, vector)))
 
 
-def _travel(looking: Looking, tree: FrameTree, state: State, tau: jax.Array | None) -> jax.Array:
+def _travel(looking: Looking, tree: Structure, state: State, tau: jax.Array | None) -> jax.Array:
     """Return how long light takes from where the target is, tau away from the state's time, to the observer of that time."""
     there = _at_root(tree, state if tau is None else _later(state, looking.sign * tau), looking.of, 0)
     here = _at_root(tree, state, looking.relative_to, 0)
@@ -94,7 +94,7 @@ def _travel(looking: Looking, tree: FrameTree, state: State, tau: jax.Array | No
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
-def _delay(looking: Looking, tree: FrameTree, state: State) -> jax.Array:
+def _delay(looking: Looking, tree: Structure, state: State) -> jax.Array:
     """Return the light time by fixed-point steps: the target's epoch is off by less than the last step's change."""
     tau = _travel(looking, tree, state, None)
     if looking.light_time == "LT":
@@ -104,7 +104,7 @@ def _delay(looking: Looking, tree: FrameTree, state: State) -> jax.Array:
 
 
 @_delay.defjvp
-def _delay_jvp(looking: Looking, primals: tuple[FrameTree, State], tangents: Any) -> tuple[jax.Array, jax.Array]:
+def _delay_jvp(looking: Looking, primals: tuple[Structure, State], tangents: Any) -> tuple[jax.Array, jax.Array]:
     """Differentiate the equation c tau = |T(t + s tau) - O(t)| and not the steps that solved it."""
     tau = _delay(looking, *primals)
     if looking.light_time == "LT":  # one step is no solution of the equation: its derivative is that of the step
@@ -147,7 +147,7 @@ def _turned_by_motion(line: V3, beta: V3) -> V3:
     return line * jnp.sqrt(1 - jnp.asarray(dot(h, h))) + cross(h, line)
 
 
-def _jerk(looking: Looking, tree: FrameTree, state: State) -> jax.Array:
+def _jerk(looking: Looking, tree: Structure, state: State) -> jax.Array:
     """Return the derivative of the observer's acceleration, [..., 6]: angular, linear."""
     acceleration = lambda moving: _at_root(tree, moving, looking.relative_to, 2)[2]  # noqa: E731
     return jax.jvp(acceleration, (state,), (rate(tree, state),))[1]
@@ -182,7 +182,7 @@ def _filled(vector: V3, like: V3) -> V3:
     return V3(*(jnp.broadcast_to(jnp.asarray(c, jnp.asarray(full).dtype), jnp.shape(full)) for c, full in zip(vector, like, strict=True)))
 
 
-def _coverages(looking: Looking, tree: FrameTree, state: State, tau: jax.Array) -> jax.Array:
+def _coverages(looking: Looking, tree: Structure, state: State, tau: jax.Array) -> jax.Array:
     """Return the coverage code of an apparent state: of both paths now, then of the target's at the instant it is looked at."""
     time = _time(state)
     tau = lax.stop_gradient(tau)
@@ -199,7 +199,7 @@ def _first(*codes: jax.Array) -> jax.Array:
     return functools.reduce(lambda a, b: jnp.where(a == 0, b, a), codes)
 
 
-def _coverage(tree: FrameTree, frame: int, time: Epoch) -> jax.Array:
+def _coverage(tree: Structure, frame: int, time: Epoch) -> jax.Array:
     """Return the coverage code of the tables between a frame and the root: int32, the first that is not 0."""
     edges = (tree._edge(child) for child in tree.topology.ancestors(frame) if child)
     codes = [edge.coverage_code(time) for edge in edges if edge.needs_time]

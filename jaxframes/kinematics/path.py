@@ -7,7 +7,7 @@ from jaxframes.kinematics.context import Context
 from jaxframes.numerics.extension import extend
 from jaxframes.numerics.packed import Packed, unpacked
 from jaxframes.numerics.rigid import relative
-from jaxframes.numerics.stages import stage
+from jaxframes.staging.stages import stage
 from jaxframes.tree.ways import pieces_of
 
 

@@ -14,20 +14,21 @@ from jaxframes.kinematics.context import Context
 from jaxframes.kinematics.jacobian import jacobian
 from jaxframes.kinematics.light_time import apparent
 from jaxframes.kinematics.rates import broadcast, rate
+from jaxframes.kinematics.tree_arguments import Plan, as_arguments
 from jaxframes.kinematics.walk import outward
-from jaxframes.numerics.boundary import is_concrete
-from jaxframes.numerics.layout import stacked
 from jaxframes.numerics.packed import Packed, unpacked
 from jaxframes.numerics.rigid import express
-from jaxframes.numerics.stages import stage
 from jaxframes.spatial import Motion, Transform
+from jaxframes.staging.arrays import is_compiling
+from jaxframes.staging.sharding import stacked
+from jaxframes.staging.stages import stage
 from jaxframes.tree.state import State
-from jaxframes.tree.tree import FrameTree
+from jaxframes.tree.structure import Structure
 
 Value = TypeVar("Value")
 
 
-def _between(tree: FrameTree, state: State, of: int, relative_to: int, expressed_in: int, order: int) -> Motion:
+def _between(tree: Structure, state: State, of: int, relative_to: int, expressed_in: int, order: int) -> Motion:
     context = Context(tree, state, order)
     motion = between(context, of, relative_to)
     if order and expressed_in != relative_to:
@@ -40,7 +41,7 @@ def turned(context: Context, axes: Packed, motion: Packed) -> Packed:
     return stage(lambda axes, motion: context.kind.packed(express(unpacked(axes).rotation, unpacked(motion))))(axes, motion)
 
 
-def _all_frames(tree: FrameTree, state: State, relative_to: int, order: int) -> Motion:
+def _all_frames(tree: Structure, state: State, relative_to: int, order: int) -> Motion:
     context = Context(tree, state, order)
     if levels.applies(context):
         return named(levels.all_frames(context, relative_to))
@@ -50,7 +51,7 @@ def _all_frames(tree: FrameTree, state: State, relative_to: int, order: int) -> 
     return named(_stacked([found[frame] for frame in range(len(tree.names))], -2))
 
 
-def _pairs(tree: FrameTree, state: State, of: tuple[int, ...], relative_to: tuple[int, ...]) -> Transform:
+def _pairs(tree: Structure, state: State, of: tuple[int, ...], relative_to: tuple[int, ...]) -> Transform:
     context, rows = Context(tree, state, 0), []
     home = tree.topology.islands
     for observer in relative_to:
@@ -65,7 +66,7 @@ def _stacked(values: Sequence[Value], axis: int) -> Value:
     return jax.tree.map(lambda *leaves: stacked(leaves, axis), *values)
 
 
-def _jacobian(tree: FrameTree, state: State, of: int, relative_to: int, expressed_in: int) -> jax.Array:
+def _jacobian(tree: Structure, state: State, of: int, relative_to: int, expressed_in: int) -> jax.Array:
     if tree.topology.islands[of] != tree.topology.islands[relative_to]:
         return _jacobian_by_rates(tree, state, of, relative_to, expressed_in)
     context = Context(tree, state, 0)
@@ -73,7 +74,7 @@ def _jacobian(tree: FrameTree, state: State, of: int, relative_to: int, expresse
     return jacobian(context, of, relative_to, axes)
 
 
-def _jacobian_by_rates(tree: FrameTree, state: State, of: int, relative_to: int, expressed_in: int) -> jax.Array:
+def _jacobian_by_rates(tree: Structure, state: State, of: int, relative_to: int, expressed_in: int) -> jax.Array:
     """Return the Jacobian where the path is data: velocities are linear in the rates, so each column is a derivative."""
     whole = broadcast(state)
 
@@ -87,7 +88,7 @@ def _jacobian_by_rates(tree: FrameTree, state: State, of: int, relative_to: int,
     return jnp.moveaxis(columns, 0, -1)
 
 
-def _jacobian_dot(tree: FrameTree, state: State, of: int, relative_to: int, expressed_in: int) -> jax.Array:
+def _jacobian_dot(tree: Structure, state: State, of: int, relative_to: int, expressed_in: int) -> jax.Array:
     def along(moving: State) -> jax.Array:
         return _jacobian(tree, moving, of, relative_to, expressed_in)
 
@@ -95,22 +96,29 @@ def _jacobian_dot(tree: FrameTree, state: State, of: int, relative_to: int, expr
 
 
 def _compiled(function: Callable[..., Any], *static: str) -> Callable[..., Any]:
-    """Return a query that is compiled when every number is known and inlined when one is traced."""
-    compiled = jax.jit(function, static_argnames=static)
+    """Return a query that is compiled once for each topology, with the tree's numbers as arguments, unless it is part of a larger program.
 
-    def run(*values: Any, **options: Any) -> Any:
-        known = all(is_concrete(leaf) for leaf in jax.tree.leaves(values))
-        return (compiled if known else function)(*values, **options)
+    So it is for values and for what ``jax.grad``, ``jax.vmap`` and their like make of a query outside of ``jax.jit``: the second call
+    compiles nothing, also with another tree. Within a larger program it is traced in place, and the numbers of a tree that is not
+    traced are constants of the program.
+    """
+
+    def on_arguments(arguments: Any, *values: Any, plan: Plan | None, **options: Any) -> Any:
+        return function(arguments if plan is None else plan.tree(arguments), *values, **options)
+
+    compiled = jax.jit(on_arguments, static_argnames=("plan", *static))
+
+    def run(tree: Structure, *values: Any, **options: Any) -> Any:
+        if is_compiling():
+            return function(tree, *values, **options)
+        arguments, plan = as_arguments(tree)
+        return compiled(arguments, *values, plan=plan, **options)
 
     return run
 
 
 class PathEngine:
-    """The engine that trees use.
-
-    Called eagerly, a query is compiled once for each topology and pair of frames; inside a trace it is inlined, and the
-    numbers of a tree that is not traced are constants of the program.
-    """
+    """The engine that trees use."""
 
     between = staticmethod(_compiled(_between, "of", "relative_to", "expressed_in", "order"))
     all_frames = staticmethod(_compiled(_all_frames, "relative_to", "order"))

@@ -10,7 +10,7 @@ from jaxframes.numerics.components import V3, Component, Quat, quat_from, quat_m
 from jaxframes.numerics.lift import lift
 from jaxframes.spatial import Epoch, Motion, Rotation, SpatialAcceleration, SpatialVelocity, Transform
 from jaxframes.tree.state import Attachments, State
-from jaxframes.tree.tree import FrameTree
+from jaxframes.tree.structure import Structure
 
 
 @lift(V3, Quat, out=Quat)
@@ -41,7 +41,7 @@ def broadcast(state: State) -> State:
     return jax.tree.map(lambda a, rank: jnp.broadcast_to(a, (*batch, *a.shape[a.ndim - rank :])), state, ranks)
 
 
-def rate(tree: FrameTree, state: State) -> State:
+def rate(tree: Structure, state: State) -> State:
     """Return the time derivative of a state, all fields of one batch shape; accelerations are taken as constant."""
     state = broadcast(state)
     clock = None if state.time is None else Epoch(jnp.ones_like(state.time.hi), jnp.zeros_like(state.time.lo))
@@ -67,7 +67,7 @@ def _motion_rate(held: Motion) -> Motion:
     )
 
 
-def coordinate_rates(tree: FrameTree, state: State) -> jax.Array:
+def coordinate_rates(tree: Structure, state: State) -> jax.Array:
     """Return dq/dt [..., nq] from q and qd; a joint whose rates are not the derivatives of its coordinates converts them."""
     if all(nq == nv for _, nq, _, nv in tree.topology.coordinates):
         return state.qd

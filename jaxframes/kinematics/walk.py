@@ -1,5 +1,6 @@
 """Frame by frame: the motions of many frames relative to one, outward from the observer, each edge used once."""
 
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import jax
@@ -7,10 +8,11 @@ import jax
 from jaxframes.kinematics.context import Context
 from jaxframes.kinematics.path import between
 from jaxframes.numerics.extension import extend
-from jaxframes.numerics.packed import Packed, unpacked
+from jaxframes.numerics.packed import Kind, Packed, unpacked
 from jaxframes.numerics.rigid import AT_REST, Rigid, compose, inverse, relative
-from jaxframes.numerics.stages import stage
 from jaxframes.numerics.steps import append_all
+from jaxframes.staging.stages import stage
+from jaxframes.staging.traced_inputs import Source
 from jaxframes.tree.edges.rigid import Fixed
 from jaxframes.tree.topology import Topology
 
@@ -30,16 +32,28 @@ def outward(context: Context, observer: int, wanted: frozenset[int] | None = Non
         observer: The frame that everything is relative to.
         wanted: Frames whose motions are needed, all of the observer's static part. Default: all of that part.
     """
-    rest = context.kind.packed(AT_REST)
     if wanted is not None and len(wanted) <= FEW:
+        rest = context.kind.packed(AT_REST)
         return {frame: rest if frame == observer else between(context, frame, observer) for frame in wanted}
+    return follow(moves(context.topology, observer, wanted), observer, lambda edge: context.source((edge,)), context.kind)
+
+
+def follow(order: "Sequence[Move]", observer: int, source: Callable[[int], Source], kind: Kind) -> dict[int, Packed]:
+    """Return the motions, relative to an observer, of the frames that moves lead to one after the other.
+
+    Args:
+        order: The moves.
+        observer: The frame that they start from.
+        source: Returns the steps of the edge above a frame.
+        kind: What the motions are like.
+    """
     found: dict[int, Packed] = {observer: ()}
-    for move in moves(context.topology, observer, wanted):
+    for move in order:
         if move.backward:
-            found[move.end] = _backward(context, found[move.start], move.edge)
+            found[move.end] = _backward(found[move.start], extend((), source(move.edge), kind), kind)
         else:
-            found[move.end] = extend(found[move.start], context.source((move.edge,)), context.kind)
-    return {frame: motion or rest for frame, motion in found.items()}
+            found[move.end] = extend(found[move.start], source(move.edge), kind)
+    return {frame: motion or kind.packed(AT_REST) for frame, motion in found.items()}
 
 
 def known_pose(context: Context, of: int, relative_to: int) -> Rigid | None:
@@ -47,7 +61,7 @@ def known_pose(context: Context, of: int, relative_to: int) -> Rigid | None:
     ways = context.topology.route(of, relative_to)
     if not all(isinstance(context.tree._edge(frame), Fixed) for way in ways for frame in way):
         return None
-    observer, target = (append_all(AT_REST, (step for frame in way for step in context.steps(frame)), 0) for way in ways)
+    observer, target = (append_all(AT_REST, (step for frame in way for step in context.fixed_steps(frame)), 0) for way in ways)
     if any(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves((observer, target))):
         return None
     return relative(observer, target, 0)
@@ -85,13 +99,13 @@ def moves(topology: Topology, observer: int, wanted: frozenset[int] | None = Non
     return found
 
 
-def _backward(context: Context, start: Packed, frame: int) -> Packed:
+def _backward(start: Packed, edge: Packed, kind: Kind) -> Packed:
     """Return the motion of a frame's parent from that of the frame."""
 
     def work(start: Packed, edge: Packed) -> Packed:
-        return context.kind.packed(compose(unpacked(start), inverse(unpacked(edge), context.order), context.order))
+        return kind.packed(compose(unpacked(start), inverse(unpacked(edge), kind.order), kind.order))
 
-    return stage(work)(start, extend((), context.source((frame,)), context.kind))
+    return stage(work)(start, edge)
 
 
 def _with_paths(topology: Topology, observer: int, wanted: frozenset[int]) -> frozenset[int]:

@@ -8,27 +8,30 @@ over a whole batch, each would go through memory several times (measured: three 
 import functools
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from jaxframes.kinematics.arrays import halves
-from jaxframes.kinematics.context import JOINT_FIELDS, Context, Within
-from jaxframes.kinematics.rates import batch_of, trailing
-from jaxframes.kinematics.walk import Move, moves, outward
-from jaxframes.numerics.blocks import may_block
-from jaxframes.numerics.boundary import assemble
+from jaxframes.kinematics.context import Context
+from jaxframes.kinematics.edge_steps import AnySteps, EdgeSteps, PathSteps, Reading
+from jaxframes.kinematics.rates import batch_of
+from jaxframes.kinematics.walk import Move, follow, moves
 from jaxframes.numerics.components import Component
 from jaxframes.numerics.extension import folded, half_angles, with_halves
-from jaxframes.numerics.layout import alike, like, stacked
-from jaxframes.numerics.operation import Arrays, elementwise, run, with_changes
+from jaxframes.numerics.packed import Kind
 from jaxframes.numerics.rigid import AT_REST, Rigid, compose, inverse
-from jaxframes.numerics.source import Opened
-from jaxframes.numerics.stages import by_platform, stage, staged
-from jaxframes.numerics.steps import append_all
+from jaxframes.numerics.steps import Step, append_all
 from jaxframes.numerics.trig import given_pairs, sin_cos, sin_cos_of
+from jaxframes.staging.columns import assemble
+from jaxframes.staging.operation import Arrays, Operation, run, with_changes
+from jaxframes.staging.sharding import alike, is_large, like, may_block, stacked
+from jaxframes.staging.stages import stage, staged
+from jaxframes.staging.traced_inputs import Operands, Source
 
 IN_PLACE = jax.__version_info__ >= (0, 11)
 """Whether loops write columns straight to their places in the result, or rows are put together first. Measured: on jax 0.12 the
@@ -37,7 +40,6 @@ BLOCK, COLUMNS = (1024, 8) if IN_PLACE else (4096, 10)
 """Samples a block on CPU, and columns that are put together at a time."""
 SIZES = (4, 3, 3, 3, 3, 3)
 """Columns of quaternion, translation and the halves of velocity and acceleration."""
-WHOLE = dict.fromkeys(JOINT_FIELDS, 0)
 Part = Callable[[], jax.Array]
 
 
@@ -47,73 +49,90 @@ def all_frames(context: Context, observer: int) -> Arrays:
     Returns:
         Quaternion and translation; the two halves of the velocity; those of the acceleration.
     """
-    names = range(1, len(context.topology.names))
-    given = {frame: context.steps(frame) for frame in names if context.check(frame) or context.tree._edge(frame).needs_time}
-    values = (context.tree, context.state, given)
-    ranks = (jax.tree.map(lambda _: -1, context.tree), trailing(context.state), jax.tree.map(lambda _: 0, given))
-    opened = Opened(*values)
-    operation = _AllFrames(opened, [jax.tree.leaves(ranks)[i] for i in opened.places], context, observer)
-    return run(operation, *opened.arrays) if opened.arrays else operation.compute()
+    order, operands = moves(context.topology, observer), Operands()
+    edges = context.edge_steps([move.edge for move in order], operands, whole=True)
+    ranks = _ranks(edges, len(operands.arrays), context)
+    operation = _AllFrames(edges, tuple(order), observer, ranks, context.shape, context.reading)
+    return run(operation, *operands.arrays) if operands.arrays else operation.compute()
 
 
-class _AllFrames:
-    """The operation, of the traced arrays of a tree, a state and the steps of edges that need the time."""
+def _ranks(edges: Sequence[AnySteps], count: int, context: Context) -> tuple[int, ...]:
+    """Return, for each array, how many axes at its end are none of the batch: -1 for the tree's own numbers, none of which are batched."""
+    ranks = [0] * count
+    for edge in edges:
+        for place in edge.numbers:
+            ranks[place] = -1
+        if isinstance(edge, EdgeSteps):
+            for kept in edge.kept:
+                ranks[kept.place] = 1 if kept.count else ranks[kept.place]
+            for place in edge.held[0] if edge.held else ():
+                ranks[place] = 2
+    return tuple(ranks)
 
-    def __init__(self, opened: Opened, ranks: Sequence[int], context: Context, observer: int, shape: tuple[int, ...] | None = None):
-        self._opened, self._ranks, self._context, self._observer = opened, ranks, context, observer
-        self._shape = context.shape if shape is None else shape
 
-    def _inside(self, arrays: Arrays) -> Context:
-        tree, state, given = self._opened(*arrays)
-        return Context(tree, state, self._context.order, Within(given, WHOLE))
+@dataclass(frozen=True)
+class _AllFrames(Operation):
+    """The operation, of a tree's numbers, a state's arrays and the steps of edges that need the time.
+
+    Attributes:
+        edges: The steps of the edge that each move crosses.
+        moves: The moves that lead from the observer to all other frames.
+        observer: The frame that everything is relative to.
+        ranks: For each array, how many axes at its end are none of the batch; -1 for numbers of the tree.
+        shape: Batch shape.
+        reading: How arrays are read.
+    """
+
+    edges: tuple[AnySteps, ...]
+    moves: tuple[Move, ...]
+    observer: int
+    ranks: tuple[int, ...]
+    shape: tuple[int, ...]
+    reading: Reading
+
+    @property
+    def _kind(self) -> Kind:
+        return Kind(self.shape, np.dtype(self.reading.dtype), self.reading.order)
+
+    @property
+    def _count(self) -> int:
+        return len(self.moves) + 1
 
     def results(self, *arrays: Any) -> list[jax.ShapeDtypeStruct]:
-        count, dtype = len(self._context.topology.names), self._context.dtype
-        return [jax.ShapeDtypeStruct((*self._shape, count, size), dtype) for size in SIZES[: 2 + 2 * self._context.order]]
+        sizes = SIZES[: 2 + 2 * self.reading.order]
+        return [jax.ShapeDtypeStruct((*self.shape, self._count, size), self._kind.dtype) for size in sizes]
 
     def compute(self, *arrays: jax.Array) -> Arrays:
-        if math.prod(self._shape) <= BLOCK or -1 in self._batched(arrays) or not all(map(may_block, arrays)):
-            return self._at_once(*arrays)
-        return by_platform(*arrays, cpu=self._in_blocks, default=self._at_once)
-
-    def _batched(self, arrays: Arrays) -> list[int]:
-        """Return the ranks of those arrays that have batch axes; -1 for a tree's."""
-        stacked = self._opened(*arrays)[0].parameters
-        found = [rank for a, rank in zip(arrays, self._ranks, strict=True) if rank >= 0 and math.prod(batch_of(a, rank)) > 1]
-        usual = zip(stacked, self._context.topology.stacked, strict=True)
-        return found + [-1 for leaves, on in usual for leaf in leaves if on and leaf.ndim > 2]
-
-    def _at_once(self, *arrays: jax.Array) -> Arrays:
         """Return the arrays of the whole batch."""
-        shape, count = self._shape, len(self._context.topology.names)
         whole = [_row(parts) for parts in self._columns(*arrays)]
-        return tuple(w.reshape(*shape, count, w.shape[-1] // count) for w in whole)
+        return tuple(w.reshape(*self.shape, self._count, w.shape[-1] // self._count) for w in whole)
+
+    def compute_on_cpu(self, *arrays: jax.Array) -> Arrays:
+        own = [a for a, rank in zip(arrays, self.ranks, strict=True) if rank < 0]
+        if not is_large(self.shape, BLOCK) or any(a.ndim > 1 for a in own) or not all(map(may_block, arrays)):
+            return self.compute(*arrays)
+        return self._in_blocks(*arrays)
 
     def _columns(self, *arrays: jax.Array) -> list[list[Part]]:
         """Return how to make each result: the parts [*batch, k] that one after the other are its rows."""
-        context = self._inside(arrays)
-        order = moves(context.topology, self._observer)
-
-        def angles(*arrays: jax.Array) -> list[jax.Array]:
-            inside = self._inside(arrays)
-            return [angle for move in order for angle in half_angles(inside.steps(move.edge))]
-
-        pairs, first = sin_cos_of(angles, *arrays) if angles(*arrays) else (), 0
-        found, starts = {self._observer: AT_REST}, {move.start for move in order}
-        for move in order:
-            made = functools.partial(_moved, context, (*pairs, first), found[move.start], move)
+        turning = _Angles(self.edges, self.reading)
+        angles = len(turning(*arrays))
+        pair = given_pairs(*sin_cos_of(turning, *arrays)) if angles else sin_cos
+        found, starts = {self.observer: AT_REST}, {move.start for move in self.moves}
+        for move, edge in zip(self.moves, self.edges, strict=True):
+            steps = with_halves(folded(edge.steps(arrays, self.reading)), pair)
+            made = functools.partial(_moved, self.reading.order, found[move.start], steps, move)
             # What nothing starts from is worked out where it is put together: fewer loops to compile.
             found[move.end] = staged(made) if move.end in starts else made()
-            first += len(half_angles(context.steps(move.edge)))
-        motions = [found[frame] for frame in range(len(context.topology.names))]
-        parts = [[tuple(part) for part in _parts(motion, context.order)] for motion in motions]
-        return [_joined(rows, context) for rows in zip(*parts, strict=True)]
+        motions = [found[frame] for frame in range(self._count)]
+        parts = [[tuple(part) for part in _parts(motion, self.reading.order)] for motion in motions]
+        return [_joined(rows, self._kind) for rows in zip(*parts, strict=True)]
 
     def _in_blocks(self, *arrays: jax.Array) -> Arrays:
         """Return the same, block after block. The last block starts early enough to be whole."""
-        count = math.prod(self._shape)
-        flat = [self._flat(a, rank) for a, rank in zip(arrays, self._ranks, strict=True)]
-        inner = _AllFrames(self._opened, self._ranks, self._context, self._observer, (BLOCK,))
+        count = math.prod(self.shape)
+        flat = [self._flat(a, rank) for a, rank in zip(arrays, self.ranks, strict=True)]
+        inner = replace(self, shape=(BLOCK,), reading=replace(self.reading, rank=1))
 
         def block(i: jax.Array, out: Arrays) -> Arrays:
             at = jnp.minimum(i * BLOCK, count - BLOCK)
@@ -132,35 +151,51 @@ class _AllFrames:
         tail = array.shape[array.ndim - rank :]
         if math.prod(batch_of(array, rank)) == 1:
             return array.reshape(tail), False
-        return jnp.broadcast_to(array, (*self._shape, *tail)).reshape(-1, *tail), True
+        return jnp.broadcast_to(array, (*self.shape, *tail)).reshape(-1, *tail), True
 
     def derivative(self, primals: Arrays, tangents: Sequence[jax.Array | None]) -> tuple[Arrays, Arrays]:
         return with_changes(self._frame_by_frame, primals, tangents)
 
     def _frame_by_frame(self, *arrays: jax.Array) -> Arrays:
         """Return the same by operations of one frame each, which bring their derivatives."""
-        context = self._inside(arrays)
-        found = outward(context, self._observer)
-        packed = [stacked(parts, -2) for parts in zip(*(found[f] for f in range(len(context.topology.names))), strict=True)]
+        steps = {move.edge: edge for move, edge in zip(self.moves, self.edges, strict=True)}
+
+        def source(edge: int) -> Source:
+            recipe, places = PathSteps((steps[edge],), self.reading).part(0, 1)
+            return Source(recipe, tuple(arrays[place] for place in places))
+
+        found = follow(self.moves, self.observer, source, self._kind)
+        packed = [stacked(parts, -2) for parts in zip(*(found[frame] for frame in range(self._count)), strict=True)]
         return tuple(half for whole in packed for half in halves(whole))
 
-    def mapped(self, count: int, axes: Sequence[int | None], *arrays: jax.Array) -> Arrays:
+    def mapped(self, count: int, axes: tuple[int | None, ...], *arrays: jax.Array) -> Arrays:
         """Take a vmapped axis as a further batch axis, unless trees differ."""
-        if any(axis is not None and rank < 0 for axis, rank in zip(axes, self._ranks, strict=True)):
-            return elementwise(self)(count, axes, *arrays)
+        if any(axis is not None and rank < 0 for axis, rank in zip(axes, self.ranks, strict=True)):
+            return super().mapped(count, axes, *arrays)
         aligned = []
-        for array, axis, rank in zip(arrays, axes, self._ranks, strict=True):
-            missing = len(self._shape) - (array.ndim - rank - 1)
+        for array, axis, rank in zip(arrays, axes, self.ranks, strict=True):
+            missing = len(self.shape) - (array.ndim - rank - 1)
             aligned.append(array if axis is None else lax.expand_dims(array, range(1, 1 + missing)))
-        return run(_AllFrames(self._opened, self._ranks, self._context, self._observer, (count, *self._shape)), *aligned)
+        reading = replace(self.reading, rank=self.reading.rank + 1)
+        return run(replace(self, shape=(count, *self.shape), reading=reading), *aligned)
 
 
-def _moved(context: Context, pairs: tuple[Any, ...], start: Rigid, move: Move) -> Rigid:
+@dataclass(frozen=True)
+class _Angles:
+    """Half the angles of all edges, in the order of the moves."""
+
+    edges: tuple[AnySteps, ...]
+    reading: Reading
+
+    def __call__(self, *arrays: jax.Array) -> list[jax.Array]:
+        return [angle for edge in self.edges for angle in half_angles(edge.steps(arrays, self.reading))]
+
+
+def _moved(order: int, start: Rigid, steps: Sequence[Step], move: Move) -> Rigid:
     """Return the motion at the end of a move."""
-    steps = with_halves(folded(context.steps(move.edge)), given_pairs(*pairs) if len(pairs) > 1 else sin_cos)
     if not move.backward:
-        return append_all(start, steps, context.order)
-    return compose(start, inverse(append_all(AT_REST, steps, context.order), context.order), context.order)
+        return append_all(start, steps, order)
+    return compose(start, inverse(append_all(AT_REST, steps, order), order), order)
 
 
 def _parts(motion: Rigid, order: int) -> Sequence[Any]:
@@ -168,13 +203,13 @@ def _parts(motion: Rigid, order: int) -> Sequence[Any]:
     return parts[: 2 + 2 * order]
 
 
-def _joined(rows: Sequence[tuple[Component, ...]], context: Context) -> list[Part]:
+def _joined(rows: Sequence[tuple[Component, ...]], kind: Kind) -> list[Part]:
     """Return how to put the components of all frames together, some columns at a time."""
     many = COLUMNS // len(rows[0])
 
     def some(first: int) -> Callable[[], jax.Array]:
         columns = [component for row in rows[first : first + many] for component in row]
-        return lambda: assemble(columns, context.shape, context.dtype)
+        return lambda: assemble(columns, kind.shape, kind.dtype)
 
     return [some(first) for first in range(0, len(rows), many)]
 

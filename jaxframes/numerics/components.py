@@ -8,16 +8,14 @@ products and slices in between stop it (measured: ten to fifty times slower on C
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import jax
 import jax.numpy as jnp
 from jax import lax
 from jax.typing import ArrayLike
 
-from jaxframes.numerics.layout import aligned
-
-Component: TypeAlias = jax.Array | float
+from jaxframes.staging.columns import Component
+from jaxframes.staging.sharding import aligned
 
 
 def add(a: Component, b: Component) -> Component:

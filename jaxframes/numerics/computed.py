@@ -5,26 +5,30 @@ first, for the program and its change to read, and the change is a stage of its 
 inputs: reverse mode keeps inputs only, and the adjoint is one loop for each array of coordinates.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import jax
 
-from jaxframes.numerics.operation import Arrays, changes_of, elementwise, run
-from jaxframes.numerics.stages import stage
-from jaxframes.numerics.trig import Half, given_pairs, guarded, sin_cos, sin_cos_of
+from jaxframes.numerics.trig import Half, given_pairs, sin_cos, sin_cos_of
+from jaxframes.staging.operation import Arrays, Operation, changes_of, run, with_changes
+from jaxframes.staging.stages import stage
 
 
 class Program:
-    """Arrays as a function of arrays, by way of components.
+    """Arrays as a function of arrays, by way of components: a frozen dataclass without arrays, equal by value.
 
     Attributes:
-        results: Shapes and dtypes of what it returns.
         has_angles: Whether it takes the sine and cosine of anything that is not known while tracing.
     """
 
-    results: Sequence[jax.ShapeDtypeStruct]
     has_angles: bool
+
+    @property
+    def results(self) -> Sequence[jax.ShapeDtypeStruct]:
+        """Shapes and dtypes of what it returns."""
+        raise NotImplementedError
 
     def angles(self, *arrays: jax.Array) -> Sequence[jax.Array]:
         """Return the angles whose sine and cosine it takes, in that order."""
@@ -38,61 +42,72 @@ class Program:
         """Return the change of the results: that of the arithmetic, unless something better is known."""
         return changes_of(lambda *arrays: tuple(self.values(pair, *arrays)), primals, tangents)
 
+    def in_pieces(self, moved: Sequence[int]) -> Callable[..., Arrays] | None:
+        """Return a function that computes the same piece by piece, where its change with some inputs is too much for one stage."""
+        return None
+
 
 def computed(program: Program, *arrays: jax.Array) -> tuple[jax.Array, ...]:
     """Return the results of a program, all in one stage."""
-    operation = _Computed(program)
-    return tuple(run(operation, *arrays) if arrays else operation.compute())
+    return tuple(run(_Computed(program), *arrays) if arrays else _Computed(program).compute())
 
 
-class _Computed:
+@dataclass(frozen=True)
+class _Computed(Operation):
     """The operation."""
 
-    def __init__(self, program: Program):
-        self._program = program
+    program: Program
 
     def compute(self, *arrays: jax.Array) -> Arrays:
-        return guarded(self._program.values, self._program.angles, *arrays)
+        return stage(lambda *xs: self.program.values(sin_cos, *xs))(*arrays)
 
     def results(self, *arrays: Any) -> Sequence[jax.ShapeDtypeStruct]:
-        return self._program.results
+        return self.program.results
 
     def derivative(self, primals: Arrays, tangents: Sequence[jax.Array | None]) -> tuple[Arrays, Arrays]:
-        pairs = sin_cos_of(self._program.angles, *primals) if self._program.has_angles else ()
-        return _WithPairs(self._program, len(primals)).derivative((*primals, *pairs), (*tangents, *(None for _ in pairs)))
+        pieces = self.program.in_pieces([i for i, tangent in enumerate(tangents) if tangent is not None])
+        if pieces is not None:
+            return with_changes(pieces, primals, tangents)
+        pairs = sin_cos_of(_Angles(self.program), *primals) if self.program.has_angles else ()
+        return _WithPairs(self.program, len(primals)).derivative((*primals, *pairs), (*tangents, *(None for _ in pairs)))
 
-    def mapped(self, count: int, axes: Sequence[int | None], *arrays: jax.Array) -> Arrays:
-        return elementwise(self)(count, axes, *arrays)
 
-
-class _WithPairs:
+@dataclass(frozen=True)
+class _WithPairs(Operation):
     """The same operation, of the arrays and then the sines and cosines of its angles. How these change, it knows from the arrays."""
 
-    def __init__(self, program: Program, count: int):
-        self._program, self._count = program, count
+    program: Program
+    count: int
 
     def _pair(self, arrays: Arrays) -> Half:
-        if len(arrays) == self._count:
+        if len(arrays) == self.count:
             return sin_cos
-        sines, cosines = arrays[self._count :]
+        sines, cosines = arrays[self.count :]
         return given_pairs(sines, cosines)
 
     def compute(self, *arrays: jax.Array) -> Arrays:
-        return stage(lambda *xs: self._program.values(self._pair(xs), *xs[: self._count]))(*arrays)
+        return stage(lambda *xs: self.program.values(self._pair(xs), *xs[: self.count]))(*arrays)
 
     def results(self, *arrays: Any) -> Sequence[jax.ShapeDtypeStruct]:
-        return self._program.results
+        return self.program.results
 
     def derivative(self, primals: Arrays, tangents: Sequence[jax.Array | None]) -> tuple[Arrays, Arrays]:
-        moved = [i for i, tangent in enumerate(tangents[: self._count]) if tangent is not None]
+        moved = [i for i, tangent in enumerate(tangents[: self.count]) if tangent is not None]
 
         def change(primals: Arrays, given: Arrays) -> Arrays:
-            full: list[jax.Array | None] = [None] * self._count
+            full: list[jax.Array | None] = [None] * self.count
             for i, tangent in zip(moved, given, strict=True):
                 full[i] = tangent
-            return self._program.change(self._pair(primals), primals[: self._count], full)
+            return self.program.change(self._pair(primals), primals[: self.count], full)
 
         return run(self, *primals), stage(change)(tuple(primals), tuple(tangents[i] for i in moved))
 
-    def mapped(self, count: int, axes: Sequence[int | None], *arrays: jax.Array) -> Arrays:
-        return elementwise(self)(count, axes, *arrays)
+
+@dataclass(frozen=True)
+class _Angles:
+    """The angles of a program as a function that is equal by value, which a method is not."""
+
+    program: Program
+
+    def __call__(self, *arrays: jax.Array) -> Sequence[jax.Array]:
+        return self.program.angles(*arrays)

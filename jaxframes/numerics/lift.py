@@ -9,9 +9,10 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxframes.errors import ShapeError
-from jaxframes.numerics.boundary import assemble, common_float, take_apart
 from jaxframes.numerics.components import V3, Quat
-from jaxframes.numerics.stages import stage
+from jaxframes.staging.arrays import common_float
+from jaxframes.staging.columns import assemble, take_apart
+from jaxframes.staging.stages import stage
 
 Kind = Callable[..., Any] | None
 """What the last axis of an argument or result is: ``V3``, ``Quat``, ``tuple`` (any length), or ``None`` for no such axis."""

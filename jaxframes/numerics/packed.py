@@ -11,9 +11,10 @@ from typing import Any, TypeAlias
 
 import jax
 
-from jaxframes.numerics.boundary import assemble, take_apart
 from jaxframes.numerics.components import V3, Component, Quat
 from jaxframes.numerics.rigid import Rigid
+from jaxframes.staging.columns import assemble, take_apart
+from jaxframes.staging.sharding import alike
 
 Packed: TypeAlias = tuple[jax.Array, ...]
 """One, two or three arrays: pose, velocity, acceleration, as far as the order goes."""
@@ -37,7 +38,7 @@ class Kind:
         """Return a motion as arrays of this kind."""
         pose = (*motion.rotation, *motion.translation)
         groups = (pose, (*motion.angular, *motion.linear), (*motion.angular2, *motion.linear2))
-        return tuple(assemble(group, self.shape, self.dtype) for group in groups[: 1 + self.order])
+        return tuple(alike(*(assemble(group, self.shape, self.dtype) for group in groups[: 1 + self.order])))
 
     @property
     def results(self) -> list[jax.ShapeDtypeStruct]:

@@ -1,14 +1,17 @@
 """Sine and cosine as one pair: polynomials that XLA:CPU vectorises, native functions on other platforms.
 
-XLA:CPU calls the scalar library functions for sin and cos, which cost more than all the rest of a joint. The pair here
-reduces the angle by multiples of pi/2 in three or four parts (Cody and Waite 1980) and evaluates the minimax polynomials of fdlibm
-(Sun Microsystems 1993, ``k_sin.c`` and ``k_cos.c``) or Cephes (Moshier 1992, ``sinf.c``). Errors are below 2 ulp for angles up to
-``REACH``; larger ones get the library's functions, in a branch that runs only where a batch holds one.
+XLA:CPU calls the scalar library functions for sin and cos, which cost more than all the rest of a joint. The pair here reduces the angle
+twice, by multiples of a large power of two of pi/2 and then of pi/2 itself, with constants cut into parts of few bits so that products are
+exact (Cody and Waite 1980) and differences that keep their rounding (Knuth 1969, two-sum). Then it evaluates the minimax polynomials of
+fdlibm (Sun Microsystems 1993, ``k_sin.c`` and ``k_cos.c``) or Cephes (Moshier 1992, ``sinf.c``). There is no branch: errors stay below
+1.5 ulp for angles up to ``REACH``, where neighbouring numbers are 1e-4 rad (float64) or 1 rad (float32) apart. Beyond, the answer is NaN.
 """
 
 import functools
 import itertools
+import operator
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import jax
@@ -17,17 +20,20 @@ import numpy as np
 from jax import lax
 
 from jaxframes.numerics.components import Component, select
-from jaxframes.numerics.layout import aligned
-from jaxframes.numerics.operation import Arrays, anywhere, changes_of, elementwise, run
-from jaxframes.numerics.stages import by_platform, stage
+from jaxframes.staging.operation import Arrays, Operation, changes_of, run
+from jaxframes.staging.sharding import aligned
+from jaxframes.staging.stages import stage
 
-REACH = {"float32": 8.0e3, "float64": 8.0e5}
-"""Largest angle (rad) that the polynomials take, for each dtype: beyond it the reduction loses bits."""
+REACH = {"float32": 6.0e6, "float64": 8.0e11}
+"""Largest angle (rad) that the reduction takes, for each dtype."""
 
+_LARGE = {"float32": 2.0**11, "float64": 2.0**19}
+"""The first reduction is by multiples of so many times pi/2."""
 _HALF_PI = {
     "float32": (1.5703125, 4.837512969970703125e-4, 7.549533620476723e-08, 2.563344151594519e-12),
     "float64": (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21),
 }
+"""Pi/2 in parts of 12 bits (float32) or 33 bits (float64), and what is left."""
 _SIN = {
     "float32": (-1.9515295891e-4, 8.3321608736e-3, -1.6666654611e-1),
     "float64": (
@@ -59,37 +65,57 @@ Half = Callable[[Component], Pair]
 
 def sin_cos(x: Component) -> Pair:
     """Return (sin x, cos x) of a component; each is the other's derivative, so gradients cost nothing more."""
-    return sin_cos_all((x,))[0]
+    if isinstance(x, float | int):
+        return float(np.sin(x)), float(np.cos(x))
+    return tuple(run(_SinCos(), x))  # pyright: ignore[reportReturnType]
 
 
-def sin_cos_all(angles: Sequence[Component]) -> list[Pair]:
-    """Return (sin x, cos x) of several components, worked out together: one branch of the program serves all of them."""
-    unknown = [x for x in angles if not isinstance(x, float | int)]
-    sines, cosines = sin_cos_of(lambda *xs: xs, *unknown) if unknown else ((), ())
-    pair = given_pairs(sines, cosines)
-    return [_known(x) if isinstance(x, float | int) else pair(x) for x in angles]
+@dataclass(frozen=True)
+class _SinCos(Operation):
+    """The pair, element by element."""
+
+    def compute(self, *arrays: jax.Array) -> Arrays:
+        return jnp.sin(arrays[0]), jnp.cos(arrays[0])
+
+    def compute_on_cpu(self, *arrays: jax.Array) -> Arrays:
+        return _polynomials(arrays[0]) if arrays[0].dtype.name in REACH else self.compute(*arrays)
+
+    def results(self, *arrays: Any) -> Sequence[jax.ShapeDtypeStruct]:
+        return [jax.ShapeDtypeStruct(arrays[0].shape, arrays[0].dtype)] * 2
+
+    def derivative(self, primals: Arrays, tangents: Sequence[jax.Array | None]) -> tuple[Arrays, Sequence[jax.Array | None]]:
+        s, c = run(self, *primals)
+        change = tangents[0]
+        return (s, c), (None, None) if change is None else (c * change, -s * change)
+
+    def mapped(self, count: int, axes: tuple[int | None, ...], *arrays: jax.Array) -> Arrays:
+        return run(self, *arrays)
 
 
 Angles = Callable[..., Sequence[jax.Array]]
 
 
 def sin_cos_of(angles: Angles, *operands: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Return the sines and the cosines [n, ...] of the n angles that a function makes of arrays; their shapes broadcast."""
-    operation = _SinesCosines(angles)
-    return tuple(run(operation, *operands) if operands else operation.compute())  # pyright: ignore[reportReturnType]
+    """Return the sines and the cosines [n, ...] of the n angles that a function makes of arrays; their shapes broadcast.
+
+    Args:
+        angles: Makes the angles; hashable and equal by value.
+        operands: The arrays.
+    """
+    return tuple(run(_SinesCosines(angles), *operands))  # pyright: ignore[reportReturnType]
 
 
-class _SinesCosines:
-    """The operation."""
+@dataclass(frozen=True)
+class _SinesCosines(Operation):
+    """Sines and cosines worked out as a stage, for several stages to read."""
 
-    def __init__(self, angles: Angles):
-        self._angles = angles
+    angles: Angles
 
     def _stacked(self, *operands: jax.Array) -> jax.Array:
-        return lax.concatenate([lax.expand_dims(x, (0,)) for x in aligned(*self._angles(*operands))], 0)
+        return lax.concatenate([lax.expand_dims(x, (0,)) for x in aligned(*self.angles(*operands))], 0)
 
     def compute(self, *operands: jax.Array) -> Arrays:
-        return guarded(lambda pair, x: pair(x), lambda x: (x,), stage(self._stacked)(*operands))
+        return stage(lambda *xs: sin_cos(self._stacked(*xs)))(*operands)
 
     def results(self, *operands: Any) -> Sequence[jax.ShapeDtypeStruct]:
         return [jax.eval_shape(self._stacked, *operands)] * 2
@@ -97,9 +123,6 @@ class _SinesCosines:
     def derivative(self, primals: Arrays, tangents: Sequence[jax.Array | None]) -> tuple[Arrays, Arrays]:
         (s, c), change = run(self, *primals), changes_of(self._stacked, primals, tangents)
         return (s, c), (c * change, -s * change)
-
-    def mapped(self, count: int, axes: Sequence[int | None], *operands: jax.Array) -> Arrays:
-        return elementwise(self)(count, axes, *operands)
 
 
 def given_pairs(sines: Any, cosines: Any, first: int = 0) -> Half:
@@ -130,56 +153,15 @@ def _given_jvp(primals: Any, tangents: Any) -> Any:
     return (s, c), (c * tangents[0], -s * tangents[0])
 
 
-def guarded(program: Callable[..., Any], angles: Callable[..., Sequence[Component]], *operands: jax.Array) -> Any:
-    """Return ``program(pair, *operands)`` as a stage, where ``pair`` gives sine and cosine in the way that serves all angles.
-
-    On CPU that is by polynomials, unless a batch holds an angle beyond their reach: the program has a branch for either case. The rare
-    case is one branch for the whole batch, also under ``vmap``; told apart for each element, both would run.
-
-    Args:
-        program: What is computed.
-        angles: Returns, of the same operands, the angles whose sine and cosine are asked for.
-        operands: What it is computed of.
-    """
-
-    def on_cpu(*operands: jax.Array) -> Any:
-        arrays = [x for x in angles(*operands) if not isinstance(x, float | int)]
-        if any(x.dtype.name not in REACH for x in arrays):
-            return stage(functools.partial(program, _library))(*operands)
-        if not arrays:
-            return stage(functools.partial(program, _polynomials))(*operands)
-        # A NaN, as an epoch outside a table gives, is not beyond reach: it must not slow the rest of its batch down.
-        far = functools.reduce(jnp.logical_or, (jnp.abs(x) > REACH[x.dtype.name] for x in arrays))
-        return lax.cond(anywhere(far), functools.partial(program, _either), functools.partial(program, _polynomials), *operands)
-
-    return by_platform(*operands, cpu=on_cpu, default=functools.partial(program, _library))
-
-
-def _known(x: float) -> Pair:
-    return float(np.sin(x)), float(np.cos(x))
-
-
-def _either(x: Component) -> Pair:
-    """Return the library's pair beyond reach and the polynomials' within: no sample depends on its neighbours."""
-    if isinstance(x, float | int):
-        return _known(x)
-    far = jnp.abs(x) > REACH[x.dtype.name]
-    (s, c), (near_s, near_c) = _library(x), _polynomials(x)
-    return select(far, s, near_s), select(far, c, near_c)
-
-
-def _library(x: Component) -> Pair:
-    return _known(x) if isinstance(x, float | int) else (jnp.sin(x), jnp.cos(x))
-
-
-def _polynomials(x: Component) -> Pair:
-    if isinstance(x, float | int):
-        return _known(x)
+def _polynomials(x: jax.Array) -> tuple[jax.Array, jax.Array]:
     name, number = x.dtype.name, np.dtype(x.dtype).type
-    k = lax.round(x * number(2 / np.pi), lax.RoundingMethod.TO_NEAREST_EVEN)
-    r = x
-    for part in _HALF_PI[name]:
-        r = r - k * number(part)
+    r, lost, rest, _ = _reduced(x, _LARGE[name])
+    r, more, least, k = _reduced(r, 1.0)
+    # What the first reduction lost may cancel with what is left of the angle: both are exact, so they are added first.
+    lost, error = _added(lost)
+    # NaN beyond reach: added, not selected, so that it is in the remainder too.
+    beyond = select(lax.abs(x) > number(REACH[name]), number(np.nan), number(0.0))
+    r = (r + lost) + (functools.reduce(operator.add, (*error, *more)) - (rest + least) + beyond)
     z = r * r
     s, c = (_horner(table[name], z) for table in (_SIN, _COS))
     s, c = r + r * z * s, 1 - number(0.5) * z + z * z * c
@@ -187,6 +169,36 @@ def _polynomials(x: Component) -> Pair:
     odd = (quadrant & 1) == 1
     s, c = select(odd, c, s), select(odd, s, c)
     return select(quadrant >= 2, -s, s), select((quadrant == 1) | (quadrant == 2), -c, c)
+
+
+def _reduced(x: jax.Array, scale: float) -> tuple[jax.Array, list[jax.Array], jax.Array, jax.Array]:
+    """Return x less the nearest whole multiple of ``scale`` pi/2: a number, what its roundings left out, what is to be taken off still.
+
+    The fourth result is the multiple.
+    """
+    name, number = x.dtype.name, np.dtype(x.dtype).type
+    first, *middle, last = (number(part * scale) for part in _HALF_PI[name])
+    k = lax.round(x * number(2 / np.pi / scale), lax.RoundingMethod.TO_NEAREST_EVEN)
+    r, lost = x - k * first, list[jax.Array]()  # exact
+    for part in middle:
+        r, error = _less(r, k * part)
+        lost.append(error)
+    return r, lost, k * last, k
+
+
+def _added(parts: list[jax.Array]) -> tuple[jax.Array, list[jax.Array]]:
+    """Return the sum of one or two numbers, and what its rounding leaves out."""
+    if len(parts) == 1:
+        return parts[0], []
+    total, error = _less(parts[0], -parts[1])
+    return total, [error]
+
+
+def _less(a: jax.Array, b: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Return a - b rounded, and what the rounding leaves out."""
+    s = a - b
+    v = s - a
+    return s, (a - (s - v)) - (b + v)
 
 
 def _horner(coefficients: tuple[float, ...], z: jax.Array) -> jax.Array:

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxframes.numerics.boundary import as_float, common_float
+from jaxframes.staging.arrays import as_float, common_float
 
 _EXACT = lax.Precision.HIGHEST
 

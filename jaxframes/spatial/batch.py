@@ -10,7 +10,7 @@ import numpy as np
 from jax import lax
 
 from jaxframes.errors import ShapeError
-from jaxframes.numerics.boundary import common_float, is_concrete
+from jaxframes.staging.arrays import common_float, is_concrete
 
 Self = TypeVar("Self", bound="Batched")
 

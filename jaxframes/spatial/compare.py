@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import ShapeError
-from jaxframes.numerics.boundary import common_float
 from jaxframes.spatial.rotation import Rotation
+from jaxframes.staging.arrays import common_float
 
 _DEFAULT = {"float64": 1e-9, "float32": 1e-5}
 

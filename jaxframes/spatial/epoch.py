@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import FrameError
-from jaxframes.numerics.boundary import default_float, is_concrete
 from jaxframes.numerics.eft import fast_two_sum, two_sum
 from jaxframes.spatial import calendar, grid
 from jaxframes.spatial.calendar import tdb_seconds, tdb_text
@@ -19,6 +18,7 @@ from jaxframes.spatial.order import Ordered
 from jaxframes.spatial.parts import batch, same_rank, split, split_exact, two_parts
 from jaxframes.spatial.utc import SHIPPED_LEAP_SECONDS, LeapSeconds
 from jaxframes.spatial.value import tag
+from jaxframes.staging.arrays import default_float, is_concrete
 
 EPOCH = "an epoch is seconds past J2000 TDB (for a date use Epoch.from_tdb, from_utc or from_datetime)"
 DURATION = "a duration is seconds, a timedelta or a timedelta64"

@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import FrameError
-from jaxframes.numerics.boundary import is_concrete
 from jaxframes.numerics.eft import fast_two_sum, two_product, two_sum
 from jaxframes.spatial import parts
+from jaxframes.staging.arrays import is_concrete
 
 STEP = "a step is seconds, a timedelta or a timedelta64, one of them and not zero"
 MOST = 10**9

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 
 from jaxframes.errors import FrameError
 from jaxframes.numerics import rigid
-from jaxframes.numerics.boundary import as_float
 from jaxframes.numerics.components import V3, Quat, cross, rotate, rotate_inverse
 from jaxframes.numerics.lift import lift
 from jaxframes.numerics.rigid import Rigid
@@ -19,6 +18,7 @@ from jaxframes.spatial.transform import Transform
 from jaxframes.spatial.twist import Twist
 from jaxframes.spatial.value import Value, tag
 from jaxframes.spatial.velocity import SpatialAcceleration, SpatialVelocity
+from jaxframes.staging.arrays import as_float
 
 _KINDS = (Quat, V3, V3, V3, V3, V3)
 

@@ -5,10 +5,10 @@ from typing import Any, ClassVar
 import jax
 import jax.numpy as jnp
 
-from jaxframes.numerics.boundary import common_float
 from jaxframes.numerics.eft import two_sum
 from jaxframes.spatial.batch import Batched
 from jaxframes.spatial.parts import same_rank
+from jaxframes.staging.arrays import common_float
 
 
 class Ordered(Batched):

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import FrameError
-from jaxframes.numerics.boundary import as_float, default_float, is_concrete
+from jaxframes.staging.arrays import as_float, default_float, is_concrete
 
 Pair: TypeAlias = tuple[np.ndarray, np.ndarray]
 """Numbers of the host as unevaluated sums hi + lo of two float64 [...]."""

@@ -8,9 +8,9 @@ import jax
 import jax.numpy as jnp
 
 from jaxframes.errors import ShapeError
-from jaxframes.numerics.boundary import as_float
 from jaxframes.spatial import averages, kernels
 from jaxframes.spatial.value import Based, Value, tag
+from jaxframes.staging.arrays import as_float
 
 
 @jax.tree_util.register_dataclass

@@ -8,12 +8,12 @@ import jax
 import jax.numpy as jnp
 
 from jaxframes.errors import ShapeError
-from jaxframes.numerics.boundary import as_float
 from jaxframes.spatial import se3
 from jaxframes.spatial.rotation import Rotation
 from jaxframes.spatial.twist import Twist, Wrench
 from jaxframes.spatial.value import Value, tag
 from jaxframes.spatial.velocity import SpatialVelocity
+from jaxframes.staging.arrays import as_float
 
 
 @jax.tree_util.register_dataclass

@@ -8,10 +8,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.numerics.boundary import is_concrete
 from jaxframes.numerics.components import V3, Quat, rotate
 from jaxframes.numerics.lift import lift
 from jaxframes.spatial.batch import Batched
+from jaxframes.staging.arrays import is_concrete
 
 B = TypeVar("B", bound="Based")
 L = TypeVar("L", bound="LinearValue")

@@ -9,11 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import MissingInputError
-from jaxframes.numerics.boundary import assemble, take_apart
 from jaxframes.numerics.components import V3, Component, Quat, cross, dot, quat_mul, rotate, select
-from jaxframes.numerics.layout import rows_at
 from jaxframes.numerics.rigid import Rigid
-from jaxframes.numerics.stages import stage
 from jaxframes.numerics.steps import Step
 from jaxframes.numerics.trig import sin_cos
 from jaxframes.spice import evaluate
@@ -22,6 +19,9 @@ from jaxframes.spice.info import Info
 from jaxframes.spice.legs import Leg
 from jaxframes.spice.report import report
 from jaxframes.spice.tables import Table, checked_order, two_parts
+from jaxframes.staging.columns import assemble, take_apart
+from jaxframes.staging.sharding import rows_at
+from jaxframes.staging.stages import stage
 from jaxframes.tree.edges.base import Inputs, family
 
 PAYLOAD = 14

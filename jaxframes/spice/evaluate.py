@@ -7,8 +7,8 @@ is the velocity, exactly, to any order.
 """
 
 import functools
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import jax
@@ -16,16 +16,15 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxframes.numerics.blocks import may_block
-from jaxframes.numerics.boundary import assemble
 from jaxframes.numerics.components import select
 from jaxframes.numerics.eft import recast_pair, two_sum
-from jaxframes.numerics.layout import like, rows_at
-from jaxframes.numerics.operation import elementwise
-from jaxframes.numerics.operation import run as operate
-from jaxframes.numerics.stages import by_platform, stage
 from jaxframes.spice.chebyshev import series
 from jaxframes.spice.legs import Leg
+from jaxframes.staging.columns import assemble
+from jaxframes.staging.operation import Mapped, Operation
+from jaxframes.staging.operation import run as operate
+from jaxframes.staging.sharding import is_large, like, may_block, rows_at
+from jaxframes.staging.stages import stage
 
 BLOCK = 512
 """Epochs a block on CPU."""
@@ -85,54 +84,59 @@ def coverage_code(run: Run, hi: jax.Array, lo: jax.Array) -> jax.Array:
     return jnp.where(after, 1, jnp.where(since >= 0, 0, -1)).astype(jnp.int32)
 
 
-class _Evaluation:
+@dataclass(frozen=True)
+class _Evaluation(Operation):
     """The operation: of a run's leaves, then both parts of the epochs. Each derivative's tangent by time is the next derivative."""
 
-    def __init__(self, structure: Any, order: int, vectors: bool, blocks: bool = True):
-        self._structure, self._order, self._vectors, self._blocks = structure, order, vectors, blocks
+    structure: Any
+    order: int
+    vectors: bool
+    blocks: bool = True
 
     def _taken(self, arrays: Sequence[Any]) -> tuple[Run, Any, Any]:
         *leaves, hi, lo = arrays
-        return jax.tree.unflatten(self._structure, leaves), hi, lo
+        return jax.tree.unflatten(self.structure, leaves), hi, lo
 
     def results(self, *arrays: Any) -> list[jax.ShapeDtypeStruct]:
         hi = arrays[-2]
-        count = (1 if self._vectors else 3) * (self._order + 1)
-        return [jax.ShapeDtypeStruct((*hi.shape, 3) if self._vectors else hi.shape, hi.dtype)] * count
+        count = (1 if self.vectors else 3) * (self.order + 1)
+        return [jax.ShapeDtypeStruct((*hi.shape, 3) if self.vectors else hi.shape, hi.dtype)] * count
 
     def compute(self, *arrays: jax.Array) -> Values:
+        return self._computed(_plain, *arrays)
+
+    def compute_on_cpu(self, *arrays: jax.Array) -> Values:
+        hi = arrays[-2]
+        large = is_large(hi.shape, BLOCK) and self.blocks and may_block(hi)
+        return self._computed(_in_blocks if large else _plain, *arrays)
+
+    def _computed(self, way: Callable[..., Values], *arrays: jax.Array) -> Values:
         run, hi, lo = self._taken(arrays)
-        flat = (run, hi.reshape(-1), lo.reshape(-1))
-        ways = {"cpu": _in_blocks, "default": _plain}
-        if hi.size <= BLOCK or not self._blocks or not may_block(hi):
-            values = _plain(self._order, self._vectors, *flat)
-        else:
-            ways = {name: functools.partial(way, self._order, self._vectors) for name, way in ways.items()}
-            values = by_platform(*flat, **ways)
+        values = way(self.order, self.vectors, run, hi.reshape(-1), lo.reshape(-1))
         return tuple(v.reshape(hi.shape + v.shape[1:]) for v in values)
 
     def derivative(self, primals: Sequence[jax.Array], tangents: Sequence[jax.Array | None]) -> tuple[Values, Sequence[jax.Array | None]]:
         run, hi, lo = self._taken(primals)
-        width = 1 if self._vectors else 3
-        further = operate(_Evaluation(self._structure, self._order + 1, self._vectors, self._blocks), *primals)
+        width = 1 if self.vectors else 3
+        further = operate(_Evaluation(self.structure, self.order + 1, self.vectors, self.blocks), *primals)
         out = tuple(further[:-width])
         moved: list[jax.Array | None] = [None] * len(out)
         steps = [d for d in tangents[-2:] if d is not None]
         if steps:
             dt = functools.reduce(lambda a, b: a + b, steps)
-            moved = [v * (dt[..., None] if self._vectors else dt) for v in further[width:]]
+            moved = [v * (dt[..., None] if self.vectors else dt) for v in further[width:]]
         places = range(len(tangents) - 2)
-        at = jax.tree.unflatten(self._structure, places)
+        at = jax.tree.unflatten(self.structure, places)
         rows = [tangents[leg.rows] for leg in at.legs]
         if any(d is not None for d in rows):
-            more = _by_coefficients(self._order, self._vectors, run, rows, hi, lo)
+            more = _by_coefficients(self.order, self.vectors, run, rows, hi, lo)
             moved = [v if m is None else m + v for m, v in zip(moved, more, strict=True)]
         return out, moved
 
-    def mapped(self, count: int, axes: Sequence[int | None], *arrays: jax.Array) -> Sequence[jax.Array]:
+    def mapped(self, count: int, axes: tuple[int | None, ...], *arrays: jax.Array) -> Sequence[jax.Array]:
         """Take a vmapped axis of epochs as a larger batch and not element by element, unless the tables differ."""
         if any(axis is not None for axis in axes[:-2]):
-            return elementwise(_Evaluation(self._structure, self._order, self._vectors, False))(count, axes, *arrays)
+            return operate(Mapped(replace(self, blocks=False), count, axes), *arrays)
         epochs = (x if axis is not None else jnp.broadcast_to(x, (count, *x.shape)) for x, axis in zip(arrays[-2:], axes[-2:], strict=True))
         return operate(self, *arrays[:-2], *epochs)
 

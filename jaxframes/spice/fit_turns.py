@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import CoverageError
-from jaxframes.numerics.boundary import default_float
 from jaxframes.spice import build
 from jaxframes.spice import quaternions as quat
 from jaxframes.spice.attitude import CayleyTable
@@ -24,6 +23,7 @@ from jaxframes.spice.state_model import slopes, spread
 from jaxframes.spice.stretches import TOUCHING, stretches_of
 from jaxframes.spice.times import reference_day, span_text, two_parts
 from jaxframes.spice.tolerance import Goal
+from jaxframes.staging.arrays import default_float
 
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels

@@ -6,10 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.numerics.boundary import default_float
 from jaxframes.spatial import Rotation, Transform
 from jaxframes.spice.info import Info
 from jaxframes.spice.tables import checked_order
+from jaxframes.staging.arrays import default_float
 from jaxframes.tree.edges.base import family
 from jaxframes.tree.edges.rigid import Fixed
 

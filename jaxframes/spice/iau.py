@@ -8,13 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import MissingInputError
-from jaxframes.numerics.boundary import assemble, default_float, is_concrete, parameters, take_apart
 from jaxframes.numerics.components import V3, Component, Quat, add, add_all, mul, neg
 from jaxframes.numerics.eft import recast_pair, two_sum
-from jaxframes.numerics.extension import extend
+from jaxframes.numerics.extension import extend, made
 from jaxframes.numerics.packed import Kind
-from jaxframes.numerics.source import source_of
-from jaxframes.numerics.stages import stage
 from jaxframes.numerics.steps import Step
 from jaxframes.numerics.trig import sin_cos
 from jaxframes.numerics.turns import turned
@@ -22,6 +19,9 @@ from jaxframes.spice.evaluate import recast
 from jaxframes.spice.info import Info
 from jaxframes.spice.tables import attitude_of, checked_order, turns, two_parts
 from jaxframes.spice.times import split
+from jaxframes.staging.arrays import default_float, is_concrete
+from jaxframes.staging.columns import assemble, parameters, take_apart
+from jaxframes.staging.stages import stage
 from jaxframes.tree.edges.base import Edge, Inputs, family
 
 CENTURY = 36525 * 86400.0
@@ -197,5 +197,5 @@ def _chain(value: Component, slope: Component, angle: tuple[Component, ...]) -> 
 def _evaluate(order: int, edge: IauOrientation, hi: Any, lo: Any) -> tuple[jax.Array, ...]:
     dtype = edge.phases.dtype
     hi, lo = recast(hi, lo, dtype)
-    steps = source_of(lambda steps: steps, edge.steps(Inputs(time=(hi, lo)), order))
+    steps = made(edge.steps(Inputs(time=(hi, lo)), order))
     return attitude_of(extend((), steps, Kind(hi.shape, dtype, order)))

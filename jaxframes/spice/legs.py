@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxframes.numerics.boundary import default_float
-from jaxframes.numerics.layout import rows_at
 from jaxframes.spice.times import split
+from jaxframes.staging.arrays import default_float
+from jaxframes.staging.sharding import rows_at
 
 RESOLVED = 2.0**-18
 """Seconds that two float32 tell apart, thirty years from J2000."""

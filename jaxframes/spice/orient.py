@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import NoPathError
-from jaxframes.numerics.boundary import default_float
 from jaxframes.spice import build, fit_turns, knots, measure
 from jaxframes.spice.fixed import FixedFrame, turned
 from jaxframes.spice.frame_classes import CK, CLASSES, DYNAMIC, PCK, SWITCH, TK, anchored
@@ -18,6 +17,7 @@ from jaxframes.spice.tables import OrientationTable
 from jaxframes.spice.timeless import timeless_info
 from jaxframes.spice.times import Instant, reference_day
 from jaxframes.spice.tolerance import Tolerance, checked_bridge, checked_layout, checked_tolerance
+from jaxframes.staging.arrays import default_float
 from jaxframes.tree.edges.base import Edge
 
 if TYPE_CHECKING:

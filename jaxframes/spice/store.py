@@ -21,7 +21,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import FrameError, TableError
-from jaxframes.numerics.boundary import default_float
 from jaxframes.spice.attitude import AttitudeTable, CayleyTable
 from jaxframes.spice.fixed import FixedFrame
 from jaxframes.spice.iau import IauOrientation
@@ -29,6 +28,7 @@ from jaxframes.spice.info import Info
 from jaxframes.spice.legs import from_leg, to_leg
 from jaxframes.spice.tables import OrientationTable, Table, TranslationTable
 from jaxframes.spice.times import pairs
+from jaxframes.staging.arrays import default_float
 
 Storable: TypeAlias = Table | IauOrientation | FixedFrame
 SCHEMA = 3

@@ -8,13 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import EdgeError, MissingInputError
-from jaxframes.numerics.boundary import parameters
 from jaxframes.numerics.components import V3, Component, Quat
 from jaxframes.numerics.eft import recast_pair
-from jaxframes.numerics.extension import extend
+from jaxframes.numerics.extension import extend, made
 from jaxframes.numerics.packed import Kind, Packed
 from jaxframes.numerics.rigid import Rigid
-from jaxframes.numerics.source import source_of
 from jaxframes.numerics.steps import Coordinate, Step, Turn
 from jaxframes.spatial import parts
 from jaxframes.spatial.epoch import EPOCH
@@ -23,6 +21,7 @@ from jaxframes.spice.evaluate import Run
 from jaxframes.spice.info import Info
 from jaxframes.spice.legs import Leg, two_part_columns
 from jaxframes.spice.report import report
+from jaxframes.staging.columns import parameters
 from jaxframes.tree.edges.base import Edge, Inputs, family
 
 
@@ -231,8 +230,8 @@ def _translation(order: int, run: Run, hi: Any, lo: Any) -> tuple[jax.Array, ...
 @functools.partial(jax.jit, static_argnums=0)
 def _orientation(order: int, run: Run, placement: jax.Array, hi: Any, lo: Any) -> tuple[jax.Array, ...]:
     values = evaluate.evaluate(run, hi, lo, order)
-    steps = source_of(lambda placement, values: turns(Quat(*parameters(placement)), _triples(values)), placement, values)
-    return attitude_of(extend((), steps, Kind(values[0].shape, values[0].dtype, order)))
+    steps = turns(Quat(*parameters(placement)), _triples(values))
+    return attitude_of(extend((), made(steps), Kind(values[0].shape, values[0].dtype, order)))
 
 
 def attitude_of(motion: Packed) -> tuple[jax.Array, ...]:

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import FrameError, SpiceError
-from jaxframes.numerics.boundary import default_float
 from jaxframes.spatial.epoch import tdb_seconds, tdb_text
+from jaxframes.staging.arrays import default_float
 
 DAY = 86400
 

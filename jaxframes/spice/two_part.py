@@ -7,13 +7,13 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxframes.numerics.boundary import assemble
 from jaxframes.numerics.eft import fast_two_sum, two_product, two_sum
-from jaxframes.numerics.layout import rows_at
-from jaxframes.numerics.stages import stage
 from jaxframes.spice import evaluate
 from jaxframes.spice.evaluate import Run
 from jaxframes.spice.legs import LOW_TERMS, Leg
+from jaxframes.staging.columns import assemble
+from jaxframes.staging.sharding import rows_at
+from jaxframes.staging.stages import stage
 
 Two = tuple[jax.Array, jax.Array]
 

@@ -8,7 +8,7 @@ from jaxframes.tree.edges.attachable import Attachable
 from jaxframes.tree.edges.base import Edge
 from jaxframes.tree.edges.rigid import Fixed
 from jaxframes.tree.following import sources
-from jaxframes.tree.grouping import group_edges
+from jaxframes.tree.grouping import families, strengthened
 from jaxframes.tree.properties import Properties, freeze, thaw
 from jaxframes.tree.topology import Topology
 from jaxframes.tree.tree import FrameTree
@@ -238,8 +238,10 @@ class TreeBuilder:
         """Return the tree compiled into static arrays and stacked parameters."""
         names = self.names
         index = {name: i for i, name in enumerate(names)}
-        edges = [self._edges[name] for name in names[1:]]
-        parameters, groups, stacked, locations = group_edges(edges)
+        given = {id(edge): edge for edge in self._edges.values()}
+        strong = {key: strengthened(edge) for key, edge in given.items()}
+        edges = [strong[id(self._edges[name])] for name in names[1:]]
+        groups, stacked, locations = families(edges)
         joints = [name for name in self._joints if self._edges[name].nq]
         coordinates, prescribed, held = self._coordinates(joints), [-1], 0
         for edge in edges:
@@ -264,7 +266,7 @@ class TreeBuilder:
             edge_names=tuple(self._joints.get(name) for name in names),
             sources=sources(self._edges, self._joints, index),
         )
-        return FrameTree(parameters, topology)
+        return FrameTree(tuple(edges), topology)
 
     def _coordinates(self, joints: list[str]) -> tuple[tuple[int, int, int, int], ...]:
         """Return (first q, nq, first qd, nv) of each frame's edge; joints take their places in the order given."""

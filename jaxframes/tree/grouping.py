@@ -1,4 +1,4 @@
-"""Grouping: edges of one family stored as stacked arrays, and put together again one by one."""
+"""Families: edges that are alike, so that queries over many frames read their numbers as stacked arrays."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -7,84 +7,67 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.numerics.boundary import as_float, is_concrete
+from jaxframes.staging.arrays import as_float, is_concrete
 from jaxframes.tree.edges.base import Edge
 
-Parameters = tuple[tuple[jax.Array, ...], ...]
-"""For every group of edges, the leaves of the group; stacked ones are ``[..., n_edges, k]``."""
 
-
-def group_edges(edges: Sequence[Edge]) -> tuple[Parameters, tuple[Any, ...], tuple[bool, ...], tuple[tuple[int, int], ...]]:
-    """Sort edges into groups of equal structure and stack their parameters.
-
-    A tree of thousands of edges then has a handful of leaves: a compiled call is dispatched as fast as one with few
-    arguments, and arithmetic over all edges of a kind needs no gathering first.
+def families(edges: Sequence[Edge]) -> tuple[tuple[Any, ...], tuple[bool, ...], tuple[tuple[int, int], ...]]:
+    """Sort edges into families of equal structure.
 
     Returns:
-        The parameters of each group, the pytree definition of its edges, whether it is stacked, and (group, row) of each edge.
+        How an edge of each family is put together (a pytree definition), whether the family is stacked, and (family, row) of each edge.
     """
     found: dict[Any, int] = {}
-    members: list[list[tuple[Any, ...]]] = []
+    counts: list[int] = []
     definitions: list[Any] = []
     stacked: list[bool] = []
     locations: list[tuple[int, int]] = []
+    known: dict[int, Any] = {}
     for position, edge in enumerate(edges):
-        raw, definition = jax.tree.flatten(edge)
-        leaves = tuple(strong(leaf) for leaf in raw)
-        key = (definition, tuple((leaf.shape, leaf.dtype) for leaf in leaves)) if edge.stacks else position
+        if id(edge) not in known:
+            leaves, definition = jax.tree.flatten(edge.bare())
+            key = (definition, tuple((np.shape(leaf)[-1:], leaf.dtype.name) for leaf in leaves))
+            known[id(edge)] = definition, key if edge.stacks else position
+        definition, key = known[id(edge)]
         if key not in found:
-            found[key] = len(members)
-            members.append([])
+            found[key] = len(definitions)
             definitions.append(definition)
             stacked.append(edge.stacks)
-        group = found[key]
-        locations.append((group, len(members[group])))
-        members[group].append(leaves)
-    parameters = tuple(
-        tuple(_stack(column) for column in zip(*rows, strict=True)) if on else rows[0] for rows, on in zip(members, stacked, strict=True)
-    )
-    return parameters, tuple(definitions), tuple(stacked), tuple(locations)
+            counts.append(0)
+        family = found[key]
+        locations.append((family, counts[family]))
+        counts[family] += 1
+    return tuple(definitions), tuple(stacked), tuple(locations)
 
 
-def strong(leaf: Any) -> jax.Array:
-    """Return a parameter as a JAX array: floats with a strong dtype, integers as they are."""
-    if jnp.issubdtype(jnp.result_type(leaf), jnp.integer):
-        return jnp.asarray(leaf)
-    return as_float(leaf)
+def strengthened(edge: Edge) -> Edge:
+    """Return an edge whose leaves are JAX arrays: floats with a strong dtype, integers as they are."""
+    if all(isinstance(leaf, jax.Array) and not leaf.weak_type for leaf in jax.tree.leaves(edge)):
+        return edge
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf) if jnp.issubdtype(jnp.result_type(leaf), jnp.integer) else as_float(leaf), edge)
 
 
-def _stack(column: tuple[jax.Array, ...]) -> jax.Array:
-    if all(is_concrete(leaf) for leaf in column):
-        return jnp.asarray(np.stack([np.asarray(leaf) for leaf in column], axis=-2))
+def stack(edges: Sequence[Edge]) -> tuple[Any, ...]:
+    """Return the leaves of edges of one family stacked, [..., n_edges, k]: NumPy arrays where all numbers are known."""
+    rows = [jax.tree.leaves(edge) for edge in edges]
+    return tuple(_stack(column) for column in zip(*rows, strict=True))
+
+
+def _stack(column: tuple[Any, ...]) -> Any:
+    known = all(map(is_concrete, column))
+    if len({leaf.shape for leaf in column}) > 1:
+        column = tuple(np.broadcast_arrays(*map(np.asarray, column)) if known else jnp.broadcast_arrays(*column))
+    if known:
+        return np.stack([np.asarray(leaf) for leaf in column], axis=-2)
     return jnp.stack(column, axis=-2)
 
 
-def edge_at(parameters: Parameters, definitions: tuple[Any, ...], stacked: tuple[bool, ...], location: tuple[int, int]) -> Edge:
-    """Return one edge. Parameters whose numbers are known stay known (as NumPy arrays), also inside a trace."""
-    group, row = location
-    leaves = parameters[group]
-    if stacked[group]:
-        leaves = tuple((np.asarray(leaf) if is_concrete(leaf) else leaf)[..., row, :] for leaf in leaves)
-    return jax.tree.unflatten(definitions[group], leaves)
-
-
-def with_edge(
-    parameters: Parameters, definitions: tuple[Any, ...], location: tuple[int, int], stacked: bool, edge: Edge
-) -> Parameters | None:
-    """Return the parameters with one edge replaced, or None if the new edge has another structure."""
-    group, row = location
-    raw, definition = jax.tree.flatten(edge)
-    if definition != definitions[group]:
+def like(new: Edge, old: Edge) -> Edge | None:
+    """Return an edge that may stand in the place of another, with its dtypes; None if it is of another family or its numbers do not fit."""
+    raw, definition = jax.tree.flatten(strengthened(new))
+    kept = jax.tree.leaves(old)
+    if jax.tree.structure(new.bare()) != jax.tree.structure(old.bare()) or [np.shape(a)[-1:] for a in raw] != [
+        np.shape(b)[-1:] for b in kept
+    ]:
         return None
-    if not stacked:
-        fresh = tuple(strong(leaf) for leaf in raw)
-    else:
-        pairs = zip(parameters[group], (strong(leaf) for leaf in raw), strict=True)
-        fresh = tuple(_with_row(old, row, new) for old, new in pairs)
-    return (*parameters[:group], fresh, *parameters[group + 1 :])
-
-
-def _with_row(old: jax.Array, row: int, new: jax.Array) -> jax.Array:
-    batch = jnp.broadcast_shapes(old.shape[:-2], new.shape[:-1])
-    full = jnp.broadcast_to(old, (*batch, *old.shape[-2:]))
-    return full.at[..., row, :].set(jnp.broadcast_to(new, (*batch, new.shape[-1])).astype(old.dtype))
+    return jax.tree.unflatten(definition, [a.astype(b.dtype) for a, b in zip(raw, kept, strict=True)])

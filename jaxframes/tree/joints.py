@@ -6,10 +6,11 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxframes.errors import EdgeError, ShapeError
-from jaxframes.numerics.boundary import as_float, default_float
 from jaxframes.spatial import Epoch, Motion, Rotation, SpatialAcceleration, SpatialVelocity, Transform
+from jaxframes.staging.arrays import as_float
 from jaxframes.tree.edges.attachable import Attachable
 from jaxframes.tree.edges.stored import Movable
 from jaxframes.tree.state import Attachments, State
@@ -22,24 +23,13 @@ ROWS = {"q": (0, 1), "qd": (2, 3), "qdd": (2, 3)}
 """Where an edge's (first, count) stand in ``Topology.coordinates``, for each kind of joint value."""
 
 
-def float_dtype(leaves: Any) -> Any:
-    """Return the promoted float dtype of a pytree's leaves, or JAX's default where there is none."""
-    dtypes = [leaf.dtype for leaf in jax.tree.leaves(leaves) if jnp.issubdtype(leaf.dtype, jnp.floating)]
-    if not dtypes:
-        return default_float()
-    result = dtypes[0]
-    for dtype in dtypes[1:]:
-        result = jnp.promote_types(result, dtype)
-    return result
-
-
 def make_state(tree: Structure, q: Any, qd: Any, qdd: Any, time: Any) -> State:
     """Return a state with what is given, and neutral coordinates, zero rates and motions at rest elsewhere."""
-    topology, dtype = tree.topology, float_dtype(tree.parameters)
+    topology, dtype = tree.topology, tree.dtype
     counts = {"q": topology.nq, "qd": topology.nv, "qdd": topology.nv}
     fields = {}
     for kind, value in (("q", q), ("qd", qd), ("qdd", qdd)):
-        rest = jnp.asarray(topology.neutral, dtype) if kind == "q" else jnp.zeros(counts[kind], dtype)
+        rest = jnp.array(np.asarray(topology.neutral if kind == "q" else np.zeros(counts[kind]), dtype))
         if value is None:
             fields[kind] = rest
         elif isinstance(value, Mapping):
@@ -85,9 +75,11 @@ def _checked(topology: Topology, values: jax.Array, count: int, kind: str) -> ja
 
 
 def _at_rest(count: int, dtype: Any) -> Motion:
-    wxyz = jnp.zeros((count, 4), dtype).at[:, 0].set(1)
-    zero = jnp.zeros((count, 3), dtype)
-    return Motion(Transform(Rotation(wxyz), zero), SpatialVelocity(zero, zero), SpatialAcceleration(zero, zero))
+    """Return motions at rest. Every leaf has a buffer of its own, so that a state can be donated."""
+    wxyz, zeros = np.zeros((count, 4), dtype), np.zeros((count, 3), dtype)
+    wxyz[:, 0] = 1
+    zero = lambda: jnp.array(zeros)  # noqa: E731
+    return Motion(Transform(Rotation(jnp.array(wxyz)), zero()), SpatialVelocity(zero(), zero()), SpatialAcceleration(zero(), zero()))
 
 
 def set_named(topology: Topology, values: jax.Array, named: Mapping[str, Any], kind: str) -> jax.Array:

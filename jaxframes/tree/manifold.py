@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import ShapeError
-from jaxframes.numerics.boundary import as_float
+from jaxframes.staging.arrays import as_float
 from jaxframes.tree.edges.base import Edge
 from jaxframes.tree.structure import Structure
 
@@ -26,7 +26,7 @@ class Manifold(Structure):
 
     def neutral(self) -> jax.Array:
         """Return the coordinates [nq] of all joints at rest: zeros, and identity quaternions."""
-        return as_float(np.asarray(self.topology.neutral, np.float64)).astype(_dtype(self))
+        return as_float(np.asarray(self.topology.neutral, np.float64)).astype(self.dtype)
 
     def integrate(self, q: Any, v: Any, dt: Any = 1.0) -> jax.Array:
         """Return the coordinates [..., nq] that constant rates lead to: q + v dt, on the manifold.
@@ -107,7 +107,7 @@ class Manifold(Structure):
 
     def limits(self) -> tuple[jax.Array, jax.Array]:
         """Return the lower and upper bounds [..., nq] of all coordinates, infinite where there are none."""
-        dtype, sides = _dtype(self), ([], [])
+        dtype, sides = self.dtype, ([], [])
         for edge in self._joint_edges():
             bounds = edge.limits_of() or (np.full(edge.nq, -np.inf), np.full(edge.nq, np.inf))
             for side, bound in zip(sides, bounds, strict=True):
@@ -135,11 +135,6 @@ class Manifold(Structure):
                 first = where[place]
                 values = values.at[..., first : first + where[place + 1]].set(make(edge, cut))
         return values
-
-
-def _dtype(tree: Structure) -> Any:
-    leaves = [leaf.dtype for leaf in jax.tree.leaves(tree.parameters) if jnp.issubdtype(leaf.dtype, jnp.floating)]
-    return jnp.result_type(*leaves) if leaves else jnp.zeros((), float).dtype
 
 
 def _columns(tree: Structure, kind: str) -> np.ndarray | None:

@@ -6,9 +6,9 @@ from typing import Any
 import jax
 
 from jaxframes.errors import FrameError, suggest
-from jaxframes.numerics.boundary import as_float
 from jaxframes.spatial import Epoch, Motion
 from jaxframes.spatial.value import tag
+from jaxframes.staging.arrays import as_float
 
 
 @jax.tree_util.register_dataclass

@@ -16,11 +16,6 @@ from jaxframes.tree.state import State
 class Stateful(Manifold):
     """What a tree can do with states: all pure functions that return a new state."""
 
-    @property
-    def dtype(self) -> Any:
-        """Float dtype of the tree's numbers."""
-        return joints.float_dtype(self.parameters)
-
     def state(self, *, q: Any = None, qd: Any = None, qdd: Any = None, time: Any = None) -> State:
         """Return a state of this tree.
 

@@ -1,10 +1,16 @@
 """Questions about a tree's structure: answered on the host from static arrays, without JAX."""
 
-from collections.abc import Mapping
+import functools
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
+import jax
+import jax.numpy as jnp
+import numpy as np
+
 from jaxframes.errors import TopologyError, UnknownJointError, suggest
+from jaxframes.staging.arrays import default_float, is_concrete
 from jaxframes.tree import grouping
 from jaxframes.tree.edges.base import Edge
 from jaxframes.tree.properties import thaw
@@ -18,7 +24,7 @@ class Structure:
     cross them, because what they hang on is data in a state.
     """
 
-    parameters: grouping.Parameters
+    frame_edges: tuple[Edge, ...]
     topology: Topology
 
     @property
@@ -73,8 +79,67 @@ class Structure:
         return self._edge(self._below_root(name, "so it has no edge"))
 
     def _edge(self, frame: int) -> Edge:
-        t = self.topology
-        return grouping.edge_at(self.parameters, t.groups, t.stacked, t.locations[frame])
+        return self.frame_edges[frame - 1]
+
+    def numbers(self, frames: Sequence[int]) -> tuple[Any, ...]:
+        """Return the numbers of the edges above frames, all of one family, leaf by leaf: arrays [..., n_frames, k]."""
+        if not self.is_known:
+            return grouping.stack([self._edge(frame) for frame in frames])
+        locations = self.topology.locations
+        group, rows = locations[frames[0]][0], np.array([locations[frame][1] for frame in frames])
+        whole = self._known_family(group)
+        return (
+            whole
+            if len(rows) == len(self.topology.members[group]) and np.all(np.diff(rows) == 1)
+            else tuple(a[..., rows, :] for a in whole)
+        )
+
+    def _known_family(self, group: int) -> tuple[Any, ...]:
+        """Return the stacked numbers of a family, all known, as NumPy arrays; they are stacked once."""
+        if group not in self._stacked:
+            self._stacked[group] = grouping.stack([self._edge(frame) for frame in self.topology.members[group]])
+        return self._stacked[group]
+
+    @functools.cached_property
+    def _stacked(self) -> dict[int, tuple[Any, ...]]:
+        return {}
+
+    @functools.cached_property
+    def families(self) -> tuple[tuple[Any, ...], ...]:
+        """The numbers of a tree that is known, family by family: stacked arrays, or those of the one edge of a family that is not."""
+        single = (jax.tree.leaves(self._edge(members[0])) for members in self.topology.members)
+        kinds = zip(self.topology.stacked, single, range(len(self.topology.groups)), strict=True)
+        return tuple(tuple(map(jnp.asarray, self._known_family(group))) if on else tuple(leaves) for on, leaves, group in kinds)
+
+    def held(self, key: str, make: Callable[[], Any]) -> Any:
+        """Return what a function makes, which the tree keeps under a key: made once, gone with the tree."""
+        if key not in self._held:
+            self._held[key] = make()
+        return self._held[key]
+
+    @functools.cached_property
+    def _held(self) -> dict[str, Any]:
+        return {}
+
+    @functools.cached_property
+    def _distinct(self) -> tuple[Edge, ...]:
+        return tuple({id(edge): edge for edge in self.frame_edges}.values())
+
+    @functools.cached_property
+    def is_known(self) -> bool:
+        """Whether all numbers of the tree are known, outside any trace."""
+        return all(map(is_concrete, jax.tree.leaves(self._distinct)))
+
+    @functools.cached_property
+    def dtype(self) -> Any:
+        """Float dtype of the tree's numbers: JAX's default where it has none."""
+        return float_dtype(self._distinct)
+
+    @functools.cached_property
+    def batch_shape(self) -> tuple[int, ...]:
+        """Batch axes of the tree's own numbers, broadcast: () unless some edges hold a batch of numbers."""
+        leaves = jax.tree.leaves([edge for edge in self._distinct if edge.stacks])
+        return np.broadcast_shapes(*{np.shape(leaf)[:-1] for leaf in leaves})
 
     def _below_root(self, name: str, consequence: str) -> int:
         frame = self.topology.index(name)
@@ -123,3 +188,9 @@ class Structure:
         up, down = self.topology.route(self.topology.index(of), self.topology.index(relative_to))
         names = self.names
         return (*((names[i], -1) for i in reversed(up)), *((names[i], 1) for i in down))
+
+
+def float_dtype(leaves: Any) -> Any:
+    """Return the promoted float dtype of a pytree's leaves, or JAX's default where there is none."""
+    dtypes = {leaf.dtype for leaf in jax.tree.leaves(leaves) if jnp.issubdtype(leaf.dtype, jnp.floating)}
+    return functools.reduce(jnp.promote_types, sorted(dtypes, key=str)) if dtypes else default_float()

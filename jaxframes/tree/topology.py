@@ -1,10 +1,12 @@
-"""Topology: which frame hangs on which, as static arrays. NumPy only; hashable, and equal by value."""
+"""Topology: which frame hangs on which, as static arrays: hashable, and equal by value."""
 
 import functools
 import hashlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
+
+import jax
 
 from jaxframes.errors import TopologyError, UnknownFrameError, UnknownJointError, suggest
 
@@ -19,9 +21,9 @@ class Topology:
     Attributes:
         names: Frame names.
         parents: Index of each frame's parent; -1 for the root.
-        groups: For every group of edges with the same family, how to put an edge together (a pytree definition).
-        stacked: Whether the parameters of each group have a leading axis over its edges.
-        locations: (group, row) of each frame's edge; (-1, -1) for the root.
+        groups: For every family of edges that are alike, how to put an edge together (a pytree definition).
+        stacked: Whether the numbers of each family's edges may be stacked.
+        locations: (family, row) of each frame's edge; (-1, -1) for the root.
         coordinates: (first q, nq, first qd, nv) of each frame's edge.
         edge_names: Name of each frame's edge (a joint's name), or None; a name space of its own.
         sources: For each frame, the frame whose edge has the coordinates that its own edge follows, or -1.
@@ -71,9 +73,23 @@ class Topology:
         return self._hash == other._hash and self._digest == other._digest and self.groups == other.groups
 
     @functools.cached_property
+    def keys(self) -> tuple[Any, ...]:
+        """Keys, as JAX writes paths, of the edges above all frames but the root."""
+        return tuple(map(jax.tree_util.DictKey, self.names[1:]))
+
+    @functools.cached_property
     def index_of(self) -> dict[str, int]:
         """Index of each frame by name."""
         return {name: i for i, name in enumerate(self.names)}
+
+    @functools.cached_property
+    def members(self) -> tuple[tuple[int, ...], ...]:
+        """For each family, the frames whose edges belong to it, in the order of their rows."""
+        found: list[list[int]] = [[] for _ in self.groups]
+        for frame, (group, _) in enumerate(self.locations):
+            if group >= 0:
+                found[group].append(frame)
+        return tuple(map(tuple, found))
 
     @functools.cached_property
     def islands(self) -> tuple[int, ...]:

@@ -1,7 +1,7 @@
 """FrameTree: the compiled tree that users hold; its numbers are leaves, its topology is static."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import jax
@@ -15,15 +15,16 @@ from jaxframes.tree.chain import Chain, make_chain
 from jaxframes.tree.describe import Described
 from jaxframes.tree.edges.base import Edge
 from jaxframes.tree.engine import engine
+from jaxframes.tree.named_parameters import Parameters
 from jaxframes.tree.state import State
 from jaxframes.tree.topology import Topology
 
 Screw = TypeVar("Screw", Twist, Wrench)
 
 
-@jax.tree_util.register_dataclass
+@jax.tree_util.register_pytree_with_keys_class
 @dataclass(frozen=True, eq=False)
-class FrameTree(Described, Attaching):
+class FrameTree(Parameters, Described, Attaching):
     """A named tree of reference frames; made by ``TreeBuilder.build``.
 
     Queries name their frames with keywords: ``of`` is the frame asked about, ``relative_to`` the observer, ``expressed_in``
@@ -32,12 +33,28 @@ class FrameTree(Described, Attaching):
     the lowest common ancestor, never through the root. Outside the coverage of a table the value and its gradient are NaN.
 
     Attributes:
-        parameters: Numbers of all edges, stacked by family.
+        frame_edges: The edge above each frame but the root, in the order of ``names``.
         topology: Names, parents and layout; static, hashable, equal by value.
+
+    As a pytree a tree's children are its edges, and their keys the frames' names: the path of a leaf reads
+    ``['camera'].placement.translation``, so whatever stores numbers by their paths keeps each with its frame.
     """
 
-    parameters: grouping.Parameters
-    topology: Topology = field(metadata={"static": True})
+    frame_edges: tuple[Edge, ...]
+    topology: Topology
+
+    def tree_flatten(self) -> tuple[tuple[Edge, ...], Topology]:
+        """Return the edges, and the topology (for JAX)."""
+        return self.frame_edges, self.topology
+
+    def tree_flatten_with_keys(self) -> tuple[list[tuple[Any, Edge]], Topology]:
+        """Return the edges with the names of their frames, and the topology (for JAX)."""
+        return list(zip(self.topology.keys, self.frame_edges, strict=True)), self.topology
+
+    @classmethod
+    def tree_unflatten(cls, topology: Topology, edges: Any) -> "FrameTree":
+        """Return the tree of some edges (for JAX)."""
+        return cls(tuple(edges), topology)
 
     def with_edge(self, name: str, edge: Edge) -> "FrameTree":
         """Return a tree with the numbers of one edge replaced by those of an edge of the same family; nothing retraces.
@@ -46,20 +63,20 @@ class FrameTree(Described, Attaching):
             UnknownFrameError: No such frame.
             EdgeError: The new edge is of another family; build another tree for that.
         """
-        t, frame = self.topology, self.topology.index(name)
-        old = self.edge(name)
+        frame, old = self.topology.index(name), self.edge(name)
         if not isinstance(edge, Edge):
             raise EdgeError(f"frame {name!r}: expected an edge, found {type(edge).__name__}")
-        location = t.locations[frame]
-        fresh = grouping.with_edge(self.parameters, t.groups, location, t.stacked[location[0]], edge)
+        fresh = grouping.like(edge, old)
         if fresh is None:
             raise EdgeError(f"frame {name!r} hangs on {old.describe()}, which cannot become {edge.describe()}; build another tree")
-        return FrameTree(fresh, t)
+        return FrameTree((*self.frame_edges[: frame - 1], fresh, *self.frame_edges[frame:]), self.topology)
 
     def astype(self, dtype: Any) -> "FrameTree":
         """Return the tree with its float numbers converted, e.g. to compute in float32."""
-        groups = (jax.tree.unflatten(made, leaves) for made, leaves in zip(self.topology.groups, self.parameters, strict=True))
-        return FrameTree(tuple(tuple(jax.tree.leaves(edge.astype(dtype))) for edge in groups), self.topology)
+        return FrameTree(tuple(edge.astype(dtype) for edge in self.frame_edges), self.topology)
+
+    def _with_edges(self, edges: tuple[Edge, ...]) -> "FrameTree":
+        return FrameTree(edges, self.topology)
 
     # --- queries ------------------------------------------------------------------------------------------------------------
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from jaxframes.errors import ShapeError
-from jaxframes.numerics.boundary import assemble, take_apart
 from jaxframes.numerics.components import V3, Quat, cross, dot, rotate
 from jaxframes.numerics.lift import lift
+from jaxframes.staging.columns import assemble, take_apart
 
 turn = lift(Quat, V3, out=V3)(rotate)
 

@@ -54,5 +54,9 @@ class Attachable(Edge):
     def renamed(self, rename: Callable[[str], str]) -> "Attachable":
         return self if self.candidates is None else self.replace(candidates=tuple(map(rename, self.candidates)))
 
+    def bare(self) -> "Attachable":
+        """Return the edge without the names of its candidates, which the topology holds."""
+        return self.replace(candidates=None)
+
     def describe(self) -> str:
         return "attachable" if self.candidates is None else f"attachable to {', '.join(self.candidates)}"

@@ -9,7 +9,7 @@ from jaxframes.numerics.components import V3, ZERO, Component, Quat, cross, quat
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
 from jaxframes.spatial import Rotation, Transform, Twist
-from jaxframes.tree.edges.base import Inputs, family
+from jaxframes.tree.edges.base import KEPT, Inputs, family
 from jaxframes.tree.edges.rigid import placement_components
 from jaxframes.tree.edges.shared import Joint
 
@@ -46,7 +46,7 @@ class QuaternionJoint(Joint):
         return self.project(jnp.concatenate([turned, q[..., 4:]], -1))
 
 
-@family(static=("active",))
+@family(static=KEPT)
 class Ball(QuaternionJoint):
     """A free rotation about a point: ``parent_T_child = placement @ Rot(q)`` with a quaternion of four stored numbers.
 
@@ -65,9 +65,9 @@ class Ball(QuaternionJoint):
     nq: ClassVar[int] = 4
     nv: ClassVar[int] = 3
     placement: Transform
-    limits: jax.Array
-    velocity_limits: jax.Array
-    effort_limits: jax.Array
+    limits: tuple[float, ...]
+    velocity_limits: tuple[float, ...]
+    effort_limits: tuple[float, ...]
     active: bool
 
     __init__ = QuaternionJoint.__init__
@@ -92,7 +92,7 @@ class Ball(QuaternionJoint):
         return (_rotation(q0).inverse() @ _rotation(q1)).to_rotation_vector()
 
 
-@family(static=("active",))
+@family(static=KEPT)
 class Free(QuaternionJoint):
     """All six directions: ``parent_T_child = placement @ Trans(p) @ Rot(q)``, with seven stored numbers.
 
@@ -112,9 +112,9 @@ class Free(QuaternionJoint):
     nq: ClassVar[int] = 7
     nv: ClassVar[int] = 6
     placement: Transform
-    limits: jax.Array
-    velocity_limits: jax.Array
-    effort_limits: jax.Array
+    limits: tuple[float, ...]
+    velocity_limits: tuple[float, ...]
+    effort_limits: tuple[float, ...]
     active: bool
 
     __init__ = QuaternionJoint.__init__

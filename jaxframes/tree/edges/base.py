@@ -1,6 +1,7 @@
 """What an edge family must say: how many coordinates it takes, the steps it is made of, and how it prints."""
 
 import dataclasses
+import operator
 from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 
@@ -12,6 +13,9 @@ from jaxframes.numerics.components import Component
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
 from jaxframes.spatial import Rotation
+
+KEPT = ("active", "limits", "velocity_limits", "effort_limits")
+"""Static fields of joints that no query reads."""
 
 
 class Inputs(NamedTuple):
@@ -57,6 +61,7 @@ class Edge:
     needs_time: ClassVar[bool] = False
     is_prescribed: ClassVar[bool] = False
     is_attachable: ClassVar[bool] = False
+    _parameter_fields: ClassVar[tuple[str, ...]] = ()
 
     @property
     def supports_accelerations(self) -> bool:
@@ -112,8 +117,21 @@ class Edge:
         return self
 
     def limits_of(self) -> tuple[Any, Any] | None:
-        """Return the lower and upper bounds of the coordinates, [..., nq] each, or None where there are none."""
+        """Return the lower and upper bounds of the coordinates, NumPy arrays [nq] each, or None where there are none."""
         return None
+
+    @classmethod
+    def parameter_fields(cls) -> tuple[str, ...]:
+        """Return the names of the fields that are parameters; the others are static."""
+        return cls._parameter_fields
+
+    def checked_fact(self, name: str, value: Any) -> Any:
+        """Return a value for a static field as the constructor would keep it (EdgeError if it cannot)."""
+        return value
+
+    def bare(self) -> "Edge":
+        """Return the edge without what no query reads: edges whose bare structures are equal share programs and are stacked."""
+        return self
 
     def angles(self) -> tuple[bool, ...]:
         """Return, for each coordinate, whether it is an angle in radians (else a length in metres)."""
@@ -182,18 +200,30 @@ def family(static: tuple[str, ...] = ()) -> Callable[[Family], Family]:
     def decorate(cls: Family) -> Family:
         made = dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
         data = tuple(f.name for f in dataclasses.fields(made) if f.name not in static)
+        made._parameter_fields = data
+        keys = tuple(map(jax.tree_util.GetAttrKey, data))
+        parts, facts = _getter(data), _getter(static)
+
+        def flatten(edge: Any) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+            return parts(edge), facts(edge)
 
         def flatten_with_keys(edge: Any) -> tuple[list[tuple[Any, Any]], tuple[Any, ...]]:
-            keyed = [(jax.tree_util.GetAttrKey(name), getattr(edge, name)) for name in data]
-            return keyed, tuple(getattr(edge, name) for name in static)
+            return list(zip(keys, parts(edge), strict=True)), facts(edge)
 
         def unflatten(meta: tuple[Any, ...], leaves: Any) -> Any:
             return _assembled(made, {**dict(zip(data, leaves, strict=True)), **dict(zip(static, meta, strict=True))})
 
-        jax.tree_util.register_pytree_with_keys(made, flatten_with_keys, unflatten)
+        jax.tree_util.register_pytree_with_keys(made, flatten_with_keys, unflatten, flatten)
         return made
 
     return decorate
+
+
+def _getter(names: tuple[str, ...]) -> Callable[[Any], tuple[Any, ...]]:
+    """Return the function that reads fields as a tuple."""
+    if len(names) > 1:
+        return operator.attrgetter(*names)
+    return (lambda value: (getattr(value, names[0]),)) if names else (lambda value: ())
 
 
 def _assembled(cls: type, fields: dict[str, Any]) -> Any:

@@ -8,11 +8,11 @@ import jax
 import jax.numpy as jnp
 
 from jaxframes.errors import EdgeError
-from jaxframes.numerics.boundary import parameters
 from jaxframes.numerics.components import V3
 from jaxframes.numerics.steps import Slide, Step, Turn
 from jaxframes.spatial import Transform
-from jaxframes.tree.edges.base import Inputs, family
+from jaxframes.staging.columns import unit_parameters
+from jaxframes.tree.edges.base import KEPT, Inputs, family
 from jaxframes.tree.edges.shared import AxisJoint, Joint, coordinate, unit_axis
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -53,13 +53,13 @@ class Compound(Joint):
         found: list[Step] = []
         placed = self._placed(inputs)
         for i, (turns, axis) in enumerate(zip(self.turning, self.axes, strict=True)):
-            direction, value = V3(*parameters(axis, inputs.batch_rank)), coordinate(inputs, i)
+            direction, value = V3(*unit_parameters(axis, inputs.batch_rank)), coordinate(inputs, i)
             found.append(Turn(direction, value, **placed) if turns else Slide(direction, value, **placed))
             placed = {}
         return tuple(found)
 
 
-@family(static=("active",))
+@family(static=KEPT)
 class Universal(Compound):
     """Two turns: ``parent_T_child = placement @ Rx(q0) @ Ry(q1)``, as RobWork's UniversalJoint, or about two other axes.
 
@@ -78,15 +78,15 @@ class Universal(Compound):
     standard = (X, Y)
     axes: tuple[jax.Array, ...]
     placement: Transform
-    limits: jax.Array
-    velocity_limits: jax.Array
-    effort_limits: jax.Array
+    limits: tuple[float, ...]
+    velocity_limits: tuple[float, ...]
+    effort_limits: tuple[float, ...]
     active: bool
 
     __init__ = Compound.__init__
 
 
-@family(static=("active",))
+@family(static=KEPT)
 class Spherical(Compound):
     """Three turns: ``parent_T_child = placement @ Rx(q0) @ Ry(q1) @ Rz(q2)``, as RobWork's SphericalJoint.
 
@@ -108,15 +108,15 @@ class Spherical(Compound):
     standard = (X, Y, Z)
     axes: tuple[jax.Array, ...]
     placement: Transform
-    limits: jax.Array
-    velocity_limits: jax.Array
-    effort_limits: jax.Array
+    limits: tuple[float, ...]
+    velocity_limits: tuple[float, ...]
+    effort_limits: tuple[float, ...]
     active: bool
 
     __init__ = Compound.__init__
 
 
-@family(static=("active",))
+@family(static=KEPT)
 class PrismaticSpherical(Compound):
     """Three turns and a slide: ``placement @ Rx(q0) @ Ry(q1) @ Rz(q2) @ Tz(q3)``, as RobWork's PrismaticSphericalJoint.
 
@@ -135,15 +135,15 @@ class PrismaticSpherical(Compound):
     standard = (X, Y, Z, Z)
     axes: tuple[jax.Array, ...]
     placement: Transform
-    limits: jax.Array
-    velocity_limits: jax.Array
-    effort_limits: jax.Array
+    limits: tuple[float, ...]
+    velocity_limits: tuple[float, ...]
+    effort_limits: tuple[float, ...]
     active: bool
 
     __init__ = Compound.__init__
 
 
-@family(static=("active",))
+@family(static=KEPT)
 class PrismaticUniversal(Compound):
     """Two turns and a slide: ``placement @ Rx(q0) @ Ry(q1) @ Tz(q2)``, as RobWork's PrismaticUniversalJoint.
 
@@ -162,15 +162,15 @@ class PrismaticUniversal(Compound):
     standard = (X, Y, Z)
     axes: tuple[jax.Array, ...]
     placement: Transform
-    limits: jax.Array
-    velocity_limits: jax.Array
-    effort_limits: jax.Array
+    limits: tuple[float, ...]
+    velocity_limits: tuple[float, ...]
+    effort_limits: tuple[float, ...]
     active: bool
 
     __init__ = Compound.__init__
 
 
-@family(static=("active",))
+@family(static=KEPT)
 class Planar(AxisJoint):
     """Motion in the plane across an axis n: ``placement @ Trans(q0 u + q1 v) @ Rot(n, q2)``, (m, m, rad).
 
@@ -192,9 +192,9 @@ class Planar(AxisJoint):
     nv: ClassVar[int] = 3
     axis: jax.Array
     placement: Transform
-    limits: jax.Array
-    velocity_limits: jax.Array
-    effort_limits: jax.Array
+    limits: tuple[float, ...]
+    velocity_limits: tuple[float, ...]
+    effort_limits: tuple[float, ...]
     active: bool
 
     __init__ = AxisJoint.__init__
@@ -203,7 +203,7 @@ class Planar(AxisJoint):
         return (False, False, True)
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        n = V3(*parameters(self.axis, inputs.batch_rank))
+        n = V3(*unit_parameters(self.axis, inputs.batch_rank))
         u, v = plane_axes(n)
         first = Slide(u, coordinate(inputs, 0), **self._placed(inputs))
         return first, Slide(v, coordinate(inputs, 1)), Turn(n, coordinate(inputs, 2))

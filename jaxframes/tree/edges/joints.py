@@ -6,17 +6,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.numerics.boundary import parameters
 from jaxframes.numerics.components import mul
 from jaxframes.numerics.steps import Slide, Step, Turn
 from jaxframes.spatial import Transform
-from jaxframes.tree.edges.base import Inputs, family
+from jaxframes.staging.columns import parameters
+from jaxframes.tree.edges.base import KEPT, Inputs, family
 from jaxframes.tree.edges.shared import AxisJoint, coordinate, one_number
 
 TURN = 2.0 * np.pi
 
 
-@family(static=("active",))
+@family(static=KEPT)
 class Revolute(AxisJoint):
     """A rotation about an axis by q radians, after a fixed placement: ``parent_T_child = placement @ Rot(axis, q)``.
 
@@ -31,9 +31,9 @@ class Revolute(AxisJoint):
 
     axis: jax.Array
     placement: Transform
-    limits: jax.Array
-    velocity_limits: jax.Array
-    effort_limits: jax.Array
+    limits: tuple[float, ...]
+    velocity_limits: tuple[float, ...]
+    effort_limits: tuple[float, ...]
     active: bool
 
     __init__ = AxisJoint.__init__
@@ -42,7 +42,7 @@ class Revolute(AxisJoint):
         return (Turn(angle=coordinate(inputs, 0), **self._parts(inputs)),)
 
 
-@family(static=("active",))
+@family(static=KEPT)
 class Continuous(AxisJoint):
     """A rotation about an axis without end: as ``Revolute``, but q and q + 2 pi are the same place.
 
@@ -59,9 +59,9 @@ class Continuous(AxisJoint):
 
     axis: jax.Array
     placement: Transform
-    limits: jax.Array
-    velocity_limits: jax.Array
-    effort_limits: jax.Array
+    limits: tuple[float, ...]
+    velocity_limits: tuple[float, ...]
+    effort_limits: tuple[float, ...]
     active: bool
     curved: ClassVar[bool] = True
 
@@ -84,7 +84,7 @@ class Continuous(AxisJoint):
         return step - jax.lax.stop_gradient(TURN * jnp.round(step / TURN))
 
 
-@family(static=("active",))
+@family(static=KEPT)
 class Prismatic(AxisJoint):
     """A translation along an axis by q metres, after a fixed placement: ``parent_T_child = placement @ Trans(axis q)``.
 
@@ -99,9 +99,9 @@ class Prismatic(AxisJoint):
 
     axis: jax.Array
     placement: Transform
-    limits: jax.Array
-    velocity_limits: jax.Array
-    effort_limits: jax.Array
+    limits: tuple[float, ...]
+    velocity_limits: tuple[float, ...]
+    effort_limits: tuple[float, ...]
     active: bool
 
     __init__ = AxisJoint.__init__
@@ -113,7 +113,7 @@ class Prismatic(AxisJoint):
         return (Slide(length=coordinate(inputs, 0), **self._parts(inputs)),)
 
 
-@family(static=("active",))
+@family(static=KEPT)
 class Screw(AxisJoint):
     """A screw: a rotation by q radians about an axis that also shifts along it by ``pitch`` metres a turn.
 
@@ -133,9 +133,9 @@ class Screw(AxisJoint):
     axis: jax.Array
     pitch: jax.Array
     placement: Transform
-    limits: jax.Array
-    velocity_limits: jax.Array
-    effort_limits: jax.Array
+    limits: tuple[float, ...]
+    velocity_limits: tuple[float, ...]
+    effort_limits: tuple[float, ...]
     active: bool
 
     def __init__(
@@ -157,7 +157,7 @@ class Screw(AxisJoint):
         return Slide(length=coordinate(inputs, 0, per_radian), **parts), Turn(axis=parts["axis"], angle=coordinate(inputs, 0))
 
 
-@family(static=("active",))
+@family(static=KEPT)
 class Cylindrical(AxisJoint):
     """A rotation about an axis by q0 radians and a translation along it by q1 metres, independent of each other.
 
@@ -176,9 +176,9 @@ class Cylindrical(AxisJoint):
     nv: ClassVar[int] = 2
     axis: jax.Array
     placement: Transform
-    limits: jax.Array
-    velocity_limits: jax.Array
-    effort_limits: jax.Array
+    limits: tuple[float, ...]
+    velocity_limits: tuple[float, ...]
+    effort_limits: tuple[float, ...]
     active: bool
 
     __init__ = AxisJoint.__init__

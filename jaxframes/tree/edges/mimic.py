@@ -6,10 +6,10 @@ from typing import Any, ClassVar
 import jax
 
 from jaxframes.errors import EdgeError
-from jaxframes.numerics.boundary import parameters
 from jaxframes.numerics.components import Component, add, mul
 from jaxframes.numerics.steps import Step
 from jaxframes.spatial import Transform
+from jaxframes.staging.columns import parameters
 from jaxframes.tree.edges.base import Edge, Inputs, family
 from jaxframes.tree.edges.shared import one_number
 
@@ -99,6 +99,10 @@ class Mimic(Edge):
         if "placement" in changes:
             changes["edge"] = changes.get("edge", self.edge).replace(placement=changes.pop("placement"))
         return super().replace(**changes)
+
+    def bare(self) -> "Mimic":
+        """Return the edge without limits and without the name that it follows: where the coordinates come from, the topology says."""
+        return self.replace(edge=self.edge.bare(), joint="")
 
     def describe(self) -> str:
         return f"{self.edge.describe()}, follows {self.joint}"

@@ -6,11 +6,12 @@ import jax
 import numpy as np
 
 from jaxframes.errors import EdgeError
-from jaxframes.numerics.boundary import as_float, is_concrete, parameters
 from jaxframes.numerics.components import V3, Component, mul
 from jaxframes.numerics.steps import Coordinate
 from jaxframes.spatial import Transform
-from jaxframes.tree.edges.base import Edge, Inputs
+from jaxframes.staging.arrays import as_float, is_concrete
+from jaxframes.staging.columns import unit_parameters
+from jaxframes.tree.edges.base import KEPT, Edge, Inputs
 from jaxframes.tree.edges.rigid import placement_components
 
 
@@ -34,14 +35,13 @@ def unit_axis(axis: Any) -> jax.Array:
     return as_float(np.where(np.abs(length - 1.0) < 4e-16, numbers, numbers / length))
 
 
-def as_bounds(limits: Any, count: int = 1) -> jax.Array:
-    """Return limits (lower, upper), each a number or one for each coordinate, as [..., 2 count]; None means unlimited.
+def as_bounds(limits: Any, count: int = 1) -> tuple[float, ...]:
+    """Return limits (lower, upper), each a number or one for each coordinate, as 2 count numbers; None means unlimited.
 
     Raises:
-        EdgeError: The limits are reversed or not two numbers for each coordinate.
+        EdgeError: The limits are reversed, not two numbers for each coordinate, or traced.
     """
-    if isinstance(limits, jax.Array) and not is_concrete(limits):
-        return limits
+    _known(limits, "joint limits")
     try:
         if limits is None:
             bounds = np.repeat((-np.inf, np.inf), count)
@@ -51,25 +51,30 @@ def as_bounds(limits: Any, count: int = 1) -> jax.Array:
             bounds = np.concatenate([np.broadcast_to(np.asarray(side, np.float64), (count,)) for side in limits])
     except (TypeError, ValueError):
         bounds = np.empty(0)
-    if bounds.shape[-1:] != (2 * count,) or np.any(np.isnan(bounds)):
+    if bounds.shape != (2 * count,) or np.any(np.isnan(bounds)):
         raise EdgeError(f"joint limits are (lower, upper){f' for {count} coordinates' if count > 1 else ''}, found {limits!r}")
-    low, high = bounds[..., :count], bounds[..., count:]
+    low, high = bounds[:count], bounds[count:]
     if np.any(low > high):
         raise EdgeError(f"joint limits are reversed: lower {low} is above upper {high}; swap them")
-    return as_float(bounds)
+    return tuple(bounds.tolist())
 
 
-def as_caps(caps: Any, count: int, what: str) -> jax.Array:
-    """Return the largest magnitudes allowed, [..., count]; None means unlimited (EdgeError for negative or wrong ones)."""
-    if isinstance(caps, jax.Array) and not is_concrete(caps):
-        return caps
+def as_caps(caps: Any, count: int, what: str) -> tuple[float, ...]:
+    """Return the largest magnitudes allowed, one for each rate; None means unlimited (EdgeError for negative or wrong ones)."""
+    _known(caps, f"{what} limits")
     try:
-        numbers = np.broadcast_to(np.asarray(np.inf if caps is None else caps, np.float64), (count,)) + 0.0
+        numbers = np.broadcast_to(np.asarray(np.inf if caps is None else caps, np.float64), (count,))
     except (TypeError, ValueError):
         raise EdgeError(f"{what} limits are one number, or one for each of {count} rates; found {caps!r}") from None
     if not np.all(numbers >= 0):
         raise EdgeError(f"{what} limits are magnitudes and cannot be negative, found {caps!r}")
-    return as_float(numbers)
+    return tuple(numbers.tolist())
+
+
+def _known(values: Any, what: str) -> None:
+    """Refuse traced numbers where a static field needs known ones."""
+    if not all(map(is_concrete, jax.tree.leaves(values))):
+        raise EdgeError(f"{what} are static, so they cannot be traced; give them as numbers, outside of jit, grad and vmap")
 
 
 def one_number(value: Any, what: str) -> jax.Array:
@@ -91,17 +96,18 @@ class Joint(Edge):
 
     Attributes:
         placement: Pose of the joint in the parent where all its coordinates are neutral.
-        limits: Lower bounds of all coordinates, then upper bounds [2 nq]: rad or m, infinite where unlimited. Kept for
-            ``tree.clamp``, ``tree.random`` and ``tree.check``; no query enforces them.
-        velocity_limits: Largest magnitude of each rate [nv], infinite where unlimited. Kept, not enforced.
-        effort_limits: Largest torque or force of each rate [nv] (N m or N). Kept, not enforced.
+        limits: Lower bounds of all coordinates, then upper bounds, 2 nq numbers: rad or m, infinite where unlimited. Kept for
+            ``tree.clamp``, ``tree.random`` and ``tree.check``; no query enforces them. Static, as all limits are: no parameters that an
+            optimiser would see.
+        velocity_limits: Largest magnitude of each rate, nv numbers, infinite where unlimited. Kept, not enforced.
+        effort_limits: Largest torque or force of each rate, nv numbers (N m or N). Kept, not enforced.
         active: Whether the joint is driven (static). Kept, no query reads it.
     """
 
     placement: Transform
-    limits: jax.Array
-    velocity_limits: jax.Array
-    effort_limits: jax.Array
+    limits: tuple[float, ...]
+    velocity_limits: tuple[float, ...]
+    effort_limits: tuple[float, ...]
     active: bool
 
     def _share(self, placement: Transform | None, limits: Any, velocity_limits: Any, effort_limits: Any, active: bool) -> None:
@@ -117,8 +123,18 @@ class Joint(Edge):
         put("active", active)
 
     def limits_of(self) -> tuple[Any, Any] | None:
-        """Return the lower and upper bounds [..., nq]."""
-        return self.limits[..., : self.nq], self.limits[..., self.nq :]
+        """Return the lower and upper bounds [nq]."""
+        return np.asarray(self.limits[: self.nq]), np.asarray(self.limits[self.nq :])
+
+    def checked_fact(self, name: str, value: Any) -> Any:
+        if name == "limits":
+            return as_bounds(value, self.nq)
+        if name in ("velocity_limits", "effort_limits"):
+            return as_caps(value, self.nv, name.removesuffix("_limits"))
+        return super().checked_fact(name, value)
+
+    def bare(self) -> Edge:
+        return self.replace(**dict.fromkeys(KEPT))
 
     def _placed(self, inputs: Inputs) -> dict[str, Any]:
         rotation, translation = placement_components(self.placement, inputs.batch_rank)
@@ -158,4 +174,4 @@ class AxisJoint(Joint):
         return f"{name} {word}" + " ({:.3g}, {:.3g}, {:.3g})".format(*np.asarray(self.axis, float))
 
     def _parts(self, inputs: Inputs) -> dict[str, Any]:
-        return {"axis": V3(*parameters(self.axis, inputs.batch_rank)), **self._placed(inputs)}
+        return {"axis": V3(*unit_parameters(self.axis, inputs.batch_rank)), **self._placed(inputs)}

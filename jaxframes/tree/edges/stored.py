@@ -2,18 +2,16 @@
 
 from typing import Any, ClassVar
 
-import jax
-
 from jaxframes.errors import EdgeError
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
 from jaxframes.spatial import Transform
-from jaxframes.tree.edges.base import Edge, Inputs, family
+from jaxframes.tree.edges.base import KEPT, Edge, Inputs, family
 from jaxframes.tree.edges.rigid import placement_components
 from jaxframes.tree.edges.shared import Joint
 
 
-@family(static=("active", "count"))
+@family(static=(*KEPT, "count"))
 class Virtual(Joint):
     """A joint that keeps coordinates and moves nothing: ``parent_T_child = placement``, as RobWork's VirtualJoint.
 
@@ -30,9 +28,9 @@ class Virtual(Joint):
     """
 
     placement: Transform
-    limits: jax.Array
-    velocity_limits: jax.Array
-    effort_limits: jax.Array
+    limits: tuple[float, ...]
+    velocity_limits: tuple[float, ...]
+    effort_limits: tuple[float, ...]
     active: bool
     count: int
 

@@ -1,12 +1,14 @@
 """Operations of our own: computations that bring their own derivative and their own way of taking an axis of ``vmap``.
 
-``jax.custom_jvp`` and ``jax.custom_batching.custom_vmap`` would do the same, but lose their rules inside loops: where reverse mode meets a
-``scan``, JAX keeps of such a function only what it computes, and a second derivative then fails or is that of the arithmetic. An
-operation is a primitive, which keeps its rules wherever it is.
+``jax.custom_jvp`` and ``jax.custom_batching.custom_vmap`` would do the same, but not inside loops: reverse mode through a ``scan`` refuses a
+``custom_vmap`` function, and jax 0.10 loses the rules of ``custom_jvp`` there, so that a second derivative is that of the arithmetic
+(tests/staging/test_operation.py has both cases). An operation is a primitive, which keeps its rules wherever it is.
 """
 
+import functools
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Any
 
 import jax
 import jax.core
@@ -14,53 +16,66 @@ import jax.numpy as jnp
 from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
-from jaxframes.numerics.layout import is_explicit, is_manual
+from jaxframes.staging.sharding import is_explicit, is_manual
 
 Arrays = Sequence[jax.Array]
 
 
-class Operation(Protocol):
-    """What an operation says of itself; all arrays are leaves, as a flat sequence."""
+class Operation:
+    """What an operation says of itself; all arrays are leaves, as a flat sequence.
+
+    It is a frozen dataclass that holds no arrays: hashable, and equal by value.
+    """
 
     def compute(self, *arrays: jax.Array) -> Arrays:
         """Return the results."""
-        ...
+        raise NotImplementedError
+
+    def compute_on_cpu(self, *arrays: jax.Array) -> Arrays:
+        """Return the same in the way that is best on CPUs."""
+        return self.compute(*arrays)
 
     def results(self, *arrays: Any) -> Sequence[jax.ShapeDtypeStruct]:
         """Return the shapes and dtypes of the results, from anything that has the arrays' shapes and dtypes."""
-        ...
+        raise NotImplementedError
 
     def derivative(self, primals: Arrays, tangents: Sequence[jax.Array | None]) -> tuple[Arrays, Sequence[jax.Array | None]]:
         """Return the results and their tangents, None for those that are zero."""
-        ...
+        raise NotImplementedError
 
-    def mapped(self, count: int, axes: Sequence[int | None], *arrays: jax.Array) -> Arrays:
+    def mapped(self, count: int, axes: tuple[int | None, ...], *arrays: jax.Array) -> Arrays:
         """Return the results for arrays of which some have a further leading axis (0 in ``axes``); so have all results."""
-        ...
+        return run(Mapped(self, count, axes), *arrays)
 
 
 def run(operation: Operation, *arrays: jax.Array) -> Arrays:
     """Return the results of an operation."""
-    return _operation.bind(*arrays, operation=operation)
+    return OPERATION.bind(*arrays, operation=operation)
 
 
-class Mapped:
+@dataclass(frozen=True)
+class Mapped(Operation):
     """An operation over a further axis, element by element."""
 
-    def __init__(self, operation: Operation, count: int, axes: Sequence[int | None]):
-        self._operation, self._count, self._axes = operation, count, tuple(axes)
+    operation: Operation
+    count: int
+    axes: tuple[int | None, ...]
 
     def _over(self, function: Callable[..., Any], axes: Any) -> Callable[..., Any]:
-        return jax.vmap(function, in_axes=axes, axis_size=self._count)
+        return jax.vmap(function, in_axes=axes, axis_size=self.count)
 
     def compute(self, *arrays: jax.Array) -> Arrays:
         """See ``Operation``."""
-        return self._over(self._operation.compute, self._axes)(*arrays)
+        return self._over(self.operation.compute, self.axes)(*arrays)
+
+    def compute_on_cpu(self, *arrays: jax.Array) -> Arrays:
+        """See ``Operation``."""
+        return self._over(self.operation.compute_on_cpu, self.axes)(*arrays)
 
     def results(self, *arrays: Any) -> Sequence[jax.ShapeDtypeStruct]:
         """See ``Operation``."""
-        one = (a if axis is None else jax.ShapeDtypeStruct(a.shape[1:], a.dtype) for a, axis in zip(arrays, self._axes, strict=True))
-        return [jax.ShapeDtypeStruct((self._count, *r.shape), r.dtype) for r in self._operation.results(*one)]
+        one = (a if axis is None else jax.ShapeDtypeStruct(a.shape[1:], a.dtype) for a, axis in zip(arrays, self.axes, strict=True))
+        return [jax.ShapeDtypeStruct((self.count, *r.shape), r.dtype) for r in self.operation.results(*one)]
 
     def derivative(self, primals: Arrays, tangents: Sequence[jax.Array | None]) -> tuple[Arrays, Sequence[jax.Array | None]]:
         """See ``Operation``."""
@@ -70,19 +85,10 @@ class Mapped:
             full: list[jax.Array | None] = [None] * len(primals)
             for i, tangent in zip(known, given, strict=True):
                 full[i] = tangent
-            return self._operation.derivative(primals, full)
+            return self.operation.derivative(primals, full)
 
         # A tangent has the axis of its primal.
-        return self._over(one, (self._axes, tuple(self._axes[i] for i in known)))(tuple(primals), tuple(tangents[i] for i in known))
-
-    def mapped(self, count: int, axes: Sequence[int | None], *arrays: jax.Array) -> Arrays:
-        """See ``Operation``."""
-        return run(Mapped(self, count, axes), *arrays)
-
-
-def elementwise(operation: Operation) -> Callable[..., Arrays]:
-    """Return the ``mapped`` of an operation that takes a further axis element by element."""
-    return lambda count, axes, *arrays: run(Mapped(operation, count, axes), *arrays)
+        return self._over(one, (self.axes, tuple(self.axes[i] for i in known)))(tuple(primals), tuple(tangents[i] for i in known))
 
 
 def with_changes(function: Callable[..., Any], primals: Arrays, tangents: Sequence[jax.Array | None]) -> tuple[Any, Any]:
@@ -103,13 +109,23 @@ def changes_of(function: Callable[..., Any], primals: Arrays, tangents: Sequence
     return with_changes(function, primals, tangents)[1]
 
 
-_operation = Primitive("operation")
-_operation.multiple_results = True
-_operation.def_impl(lambda *arrays, operation: jax.jit(operation.compute)(*arrays))
-mlir.register_lowering(_operation, mlir.lower_fun(lambda *arrays, operation: operation.compute(*arrays), multiple_results=True))
+OPERATION = Primitive("operation")
+OPERATION.multiple_results = True
+mlir.register_lowering(OPERATION, mlir.lower_fun(lambda *arrays, operation: operation.compute(*arrays)))
+mlir.register_lowering(OPERATION, mlir.lower_fun(lambda *arrays, operation: operation.compute_on_cpu(*arrays)), platform="cpu")
 
 
-@_operation.def_abstract_eval
+@functools.lru_cache(maxsize=1024)
+def _compiled(operation: Operation) -> Callable[..., Any]:
+    return jax.jit(functools.partial(OPERATION.bind, operation=operation))
+
+
+@OPERATION.def_impl
+def _evaluated(*arrays: jax.Array, operation: Operation) -> Arrays:
+    return operation.compute(*arrays) if jax.config.jax_disable_jit else _compiled(operation)(*arrays)
+
+
+@OPERATION.def_abstract_eval
 def _kinds(*kinds: Any, operation: Operation) -> Sequence[Any]:
     if any(is_explicit(kind) or is_manual(kind) for kind in kinds):  # how results lie on a mesh follows from what they are made of
         return jax.make_jaxpr(operation.compute)(*kinds).out_avals
@@ -126,24 +142,9 @@ def _derivative(primals: Arrays, tangents: Sequence[Any], *, operation: Operatio
 def _batched(arrays: Arrays, axes: Sequence[int | None], *, operation: Operation) -> tuple[Arrays, Sequence[int]]:
     count = next(a.shape[axis] for a, axis in zip(arrays, axes, strict=True) if axis is not None)
     moved = (a if axis is None else jnp.moveaxis(a, axis, 0) for a, axis in zip(arrays, axes, strict=True))
-    results = operation.mapped(count, [None if axis is None else 0 for axis in axes], *moved)
+    results = operation.mapped(count, tuple(None if axis is None else 0 for axis in axes), *moved)
     return results, [0] * len(results)
 
 
-ad.primitive_jvps[_operation] = _derivative
-batching.primitive_batchers[_operation] = _batched
-
-
-def anywhere(condition: jax.Array) -> jax.Array:
-    """Return whether a condition holds anywhere: over all axes, and over those of every ``vmap`` around it.
-
-    So a ``cond`` on it stays one under ``vmap``, instead of becoming a select of both branches.
-    """
-    return _anywhere.bind(condition)
-
-
-_anywhere = Primitive("anywhere")
-_anywhere.def_impl(jax.jit(jnp.any))
-_anywhere.def_abstract_eval(lambda condition: jax.make_jaxpr(jnp.any)(condition).out_avals[0])
-mlir.register_lowering(_anywhere, mlir.lower_fun(jnp.any, multiple_results=False))
-batching.primitive_batchers[_anywhere] = lambda arrays, axes: (anywhere(arrays[0]), None)
+ad.primitive_jvps[OPERATION] = _derivative
+batching.primitive_batchers[OPERATION] = _batched

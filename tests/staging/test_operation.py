@@ -1,14 +1,17 @@
 """Operations with a derivative and a batching of their own: the rules hold under every transformation, also within loops."""
 
+from dataclasses import dataclass
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxframes.numerics.operation import anywhere, changes_of, elementwise, run
+from jaxframes.staging.operation import Operation, changes_of, run
 
 
-class Twice:
+@dataclass(frozen=True)
+class Twice(Operation):
     """x * y and x, whose derivative is said to be that of 2 x y and x: so that it shows which rule was used."""
 
     def compute(self, x, y):
@@ -20,9 +23,6 @@ class Twice:
     def derivative(self, primals, tangents):
         first = changes_of(lambda x, y: 2 * x * y, primals, tangents)
         return run(self, *primals), (first, tangents[0])
-
-    def mapped(self, count, axes, *arrays):
-        return elementwise(self)(count, axes, *arrays)
 
 
 def product(x, y):
@@ -73,13 +73,74 @@ def test_batching_of_some_arguments_and_in_layers(rng):
     assert np.array_equal(inside, gradients)
 
 
-def test_a_branch_on_anywhere_stays_one_under_vmap():
-    def program(x):
-        return jax.lax.cond(anywhere(x > 1), lambda x: -x, lambda x: x, x)
+@jax.custom_jvp
+def inner(x):
+    return x * x
 
-    x = jnp.asarray([0.0, 2.0, 0.5])
-    assert np.array_equal(jax.vmap(program)(x), -x)  # told for the whole batch
-    assert np.array_equal(jax.vmap(program)(x - 2), x - 2)
-    assert "stablehlo.case" in jax.jit(jax.vmap(program)).lower(x).as_text()
-    assert bool(anywhere(jnp.asarray([False, True])))
-    assert not bool(anywhere(jnp.zeros((0,), bool)))
+
+@jax.custom_jvp
+def outer(x):
+    return x * x
+
+
+@inner.defjvp
+def _inner_jvp(primals, tangents):
+    return inner(primals[0]), 5 * primals[0] * tangents[0]  # not the derivative of the arithmetic, to show which one is used
+
+
+@outer.defjvp
+def _outer_jvp(primals, tangents):
+    return outer(primals[0]), inner(primals[0]) * tangents[0]
+
+
+@jax.custom_batching.custom_vmap
+def squared(x):
+    return x * x
+
+
+@squared.def_vmap
+def _squared_vmap(count, batched, x):
+    return x * x, True
+
+
+def once(function):
+    return lambda x: jax.lax.scan(lambda c, _: (function(c), None), x, None, length=1)[0]
+
+
+def test_custom_rules_of_jax_are_lost_in_loops():
+    """Why operations are primitives; where this fails, the rules that JAX offers may do by now."""
+    with pytest.raises(ValueError, match="Linearization failed"):
+        jax.grad(once(squared))(1.5)
+    assert jax.grad(jax.grad(outer))(1.5) == 7.5
+    looped = jax.jit(jax.grad(jax.grad(once(outer))))(1.5)
+    assert looped == (7.5 if jax.__version_info__ >= (0, 11) else 3.0)  # 2 x is the derivative of the arithmetic
+
+
+@dataclass(frozen=True)
+class OnCpu(Operation):
+    """Minus one on CPUs, plus one elsewhere."""
+
+    def compute(self, x):
+        return (x + 1,)
+
+    def compute_on_cpu(self, x):
+        return (x - 1,)
+
+    def results(self, x):
+        return [jax.ShapeDtypeStruct(x.shape, x.dtype)]
+
+
+def test_what_serves_cpus_is_chosen_where_a_program_is_lowered():
+    program = lambda x: run(OnCpu(), x)[0]
+    x = jnp.ones(2)
+    assert np.array_equal(jax.jit(program)(x), [0.0, 0.0])
+    assert np.array_equal(program(x), [0.0, 0.0])
+    assert np.array_equal(jax.jit(jax.vmap(program))(x), [0.0, 0.0])
+    texts = [jax.jit(program).trace(x).lower(lowering_platforms=(platform,)).as_text() for platform in ("cpu", "cuda")]
+    assert ["stablehlo.subtract" in text for text in texts] == [True, False]
+
+
+def test_operations_hold_no_tracers_and_leave_none_behind():
+    with jax.checking_leaks():
+        jax.jit(jax.grad(product))(3.0, 5.0)
+        jax.jit(jax.vmap(product))(jnp.ones(2), jnp.ones(2))

@@ -7,8 +7,9 @@ either is the other: so a derivative is as few loops as the function itself.
 """
 
 import functools
+import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -17,7 +18,64 @@ from jax import lax
 from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
-from jaxframes.numerics.layout import alike, is_explicit
+from jaxframes.staging.arrays import default_float, is_concrete
+from jaxframes.staging.sharding import aligned, alike, is_explicit
+
+Component: TypeAlias = jax.Array | float
+"""An array over the batch, or a number known while tracing."""
+
+
+def assemble(components: Sequence[Component], shape: tuple[int, ...] | None = None, dtype: Any = None) -> jax.Array:
+    """Return the array ``[..., k]`` of k components.
+
+    Args:
+        components: k components; their batch shapes broadcast (known numbers fit any).
+        shape: Batch shape of the result. Default: the broadcast shape of the components.
+        dtype: Dtype of the result. Default: the promoted dtype of the components that are arrays.
+    """
+    arrays = [c for c in components if isinstance(c, jax.Array)]
+    if shape is None:
+        shape = jnp.broadcast_shapes(*(c.shape for c in arrays))
+    if dtype is None:
+        dtype = jnp.result_type(*arrays) if arrays else default_float()
+    if not arrays:
+        return jnp.broadcast_to(jnp.asarray(np.array(components), dtype), (*shape, len(components)))
+    return joined(aligned(*(jnp.asarray(c, dtype) for c in components), shape=shape))
+
+
+def take_apart(array: jax.Array) -> tuple[jax.Array, ...]:
+    """Return the k components of an array ``[..., k]``."""
+    return tuple(column(array, i) for i in range(array.shape[-1]))
+
+
+def parameters(array: jax.Array, batch_rank: int = 0) -> tuple[Component, ...]:
+    """Return the components of a parameter ``[..., k]``: Python numbers when they are known, so that zeros and ones fold away.
+
+    Args:
+        array: Parameter of an edge.
+        batch_rank: Rank to which the batch axes of a batched parameter are padded (on the left).
+    """
+    if array.ndim == 1 and is_concrete(array):
+        return tuple(float(v) for v in np.asarray(array))
+    if 1 < array.ndim <= batch_rank:
+        array = lax.expand_dims(array, range(batch_rank + 1 - array.ndim))
+    return take_apart(array)
+
+
+def unit_parameters(array: jax.Array, batch_rank: int = 0) -> tuple[Component, ...]:
+    """Return the components of a parameter that is a unit vector or quaternion, at unit length whatever its own is.
+
+    So a step of an optimiser off the sphere distorts nothing, and derivatives are along the sphere. Zero gives NaN.
+    """
+    components = parameters(array, batch_rank)
+    if all(isinstance(c, float) for c in components):
+        length = math.hypot(*components)  # pyright: ignore[reportArgumentType]
+        if abs(length - 1.0) <= 4 * float(jnp.finfo(array.dtype).eps):
+            return components
+        return tuple(c / length if length else math.nan for c in components)
+    squares = [c * c for c in components]
+    length = lax.sqrt(sum(squares[1:], squares[0]))
+    return tuple(c / length for c in components)
 
 
 def joined(components: Sequence[jax.Array]) -> jax.Array:
@@ -89,3 +147,6 @@ def _primitive(name: str, function: Callable[..., jax.Array], transpose: Callabl
 _join = _primitive("join_columns", _joined, lambda ct, *components: [column(ct, i) for i in range(len(components))])
 _take = _primitive("take_column", _taken, lambda ct, array, *, index: [_place.bind(ct, index=index, count=array.aval.shape[-1])])
 _place = _primitive("place_column", _put, lambda ct, component, *, index, count: [column(ct, index)])
+
+PRIMITIVES = (_join, _take, _place)
+"""The primitives: all of them linear."""

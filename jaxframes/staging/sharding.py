@@ -4,6 +4,7 @@ Outside a mesh nothing is done. On a mesh with Explicit axes ``lax.select`` and 
 ``jax.shard_map`` the state of a loop must say over which axes it varies before the loop does.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -72,3 +73,20 @@ def _laid(array: jax.Array, others: list[jax.Array]) -> jax.Array:
 
 def _spec(kind: Any, rank: int) -> tuple[Any, ...]:
     return (*kind.spec, *(None,) * (rank - len(kind.spec))) if not kind.mesh.empty else (None,) * rank
+
+
+def may_block(array: Any) -> bool:
+    """Return whether a batch lies on one device, so that it may be cut into blocks on a CPU.
+
+    A loop over blocks of a batch that is spread over devices would gather it on each. Within ``jax.shard_map`` a batch is one device's
+    share. Elsewhere a batch may turn out to be spread where there are several CPU devices: then none is cut.
+    """
+    mesh = jax.typeof(array).sharding.mesh
+    if not mesh.empty:
+        return all(kind == AxisType.Manual for kind in mesh.axis_types)
+    return jax.local_device_count("cpu") == 1
+
+
+def is_large(shape: Sequence[Any], block: int) -> bool:
+    """Return whether a batch is known to hold more than a block of samples; False where its size is symbolic, as in an exported program."""
+    return all(isinstance(size, int) for size in shape) and math.prod(shape) > block

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxframes.numerics.columns import column, joined
+from jaxframes.staging.columns import column, joined
 
 
 @pytest.mark.parametrize("shape", [(), (1,), (2, 3)])

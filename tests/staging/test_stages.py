@@ -1,6 +1,8 @@
 """Stages: parts of a CPU program that stay apart, in derivatives and loops too; other platforms have none."""
 
 import functools
+import subprocess
+import sys
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +10,7 @@ import numpy as np
 import pytest
 
 import jaxframes as jf
-from jaxframes.numerics.stages import by_platform, stage, staged
+from jaxframes.staging.stages import stage, staged
 from tests.lowered import calls_within_stages, stages
 
 
@@ -51,17 +53,62 @@ def test_numbers_known_while_tracing_stay_known():
     assert np.array_equal(jax.jit(program)(jnp.ones(2)), [4.0, 4.0])
 
 
-def test_the_platform_is_told_apart_once():
-    seen = []
+PROBE = """
+import jax, jax.numpy as jnp
+traced = []
+def before(x):
+    traced.append(1)
+    return x + 1
+compiled = jax.jit(before)
+compiled(jnp.ones(2))
+import jaxframes as jf
+compiled(jnp.ones(2))
+assert len(traced) == 1, "importing the package made a program trace again"
+jf.Rotation.exp(jnp.ones(3))
+compiled(jnp.ones(2))
+assert len(traced) == 1, "using the package made a program trace again"
+"""
 
-    def inner(x):
-        return by_platform(x, cpu=lambda x: seen.append("cpu") or x, default=lambda x: seen.append("default") or x)
 
-    def program(x):
-        return by_platform(x, cpu=inner, default=inner)
+def test_programs_compiled_before_the_import_stay():
+    subprocess.run([sys.executable, "-c", PROBE], check=True)
 
-    jax.jit(program).trace(jnp.ones(2)).lower(lowering_platforms=("cpu", "cuda"))
-    assert sorted(seen) == ["cpu", "default"]
+
+def test_what_a_stage_holds_is_an_input():
+    """Arrays that a function holds, traced or not, are no part of what JAX keeps of a stage."""
+    table = jnp.arange(6.0).reshape(2, 3)
+
+    def program(x, y):
+        return stage(lambda x: x * y + table[0])(x)
+
+    (equation,) = [e for e in jax.make_jaxpr(program)(jnp.ones(3), jnp.ones(3)).eqns if e.primitive.name == "stage"]
+    kept = equation.params["program"]
+    assert len(kept.kinds) == 3  # y, the row of the table, and x
+    assert jax.tree.leaves(kept) == [kept]
+    with jax.checking_leaks():
+        assert np.array_equal(jax.jit(program)(jnp.ones(3), jnp.ones(3)), [1.0, 2.0, 3.0])
+        jax.jit(jax.grad(lambda x: jnp.sum(program(x, x))))(jnp.ones(3))
+
+
+def test_equal_programs_are_equal():
+    def make(scale):
+        return jax.make_jaxpr(lambda x: stage(lambda x: jnp.tanh(x) * scale)(x))(jnp.ones(3)).eqns[0].params["program"]
+
+    assert make(2.0) == make(2.0)
+    assert hash(make(2.0)) == hash(make(2.0))
+    assert make(2.0) != make(3.0)
+
+
+def test_a_transpose_reads_what_is_asked_of_it(rng):
+    """Of several inputs and results some are linear, some are asked for; the others keep out of it."""
+    function = stage(lambda x, y: (x * y, x, jnp.sum(y)))
+    x, y = jnp.asarray(rng.normal(size=3)), jnp.asarray(rng.normal(size=3))
+    back = jax.vjp(lambda x, y: function(x, y)[0], x, y)[1]
+    assert np.array_equal(back(jnp.ones(3))[0], y)
+    (only,) = jax.linear_transpose(lambda x: function(x, y)[1], x)(jnp.ones(3))
+    assert np.array_equal(only, np.ones(3))
+    (nothing,) = jax.vjp(lambda x: function(x, y)[2], x)[1](jnp.ones(()))
+    assert np.array_equal(nothing, np.zeros(3))
 
 
 def arm():

@@ -1,0 +1,111 @@
+"""A tree as the argument of a compiled query: few arrays, and simple numbers folded into the program."""
+
+import functools
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from jaxframes.staging.arrays import is_concrete
+from jaxframes.staging.traced_inputs import Known
+from jaxframes.tree.edges.base import Edge
+from jaxframes.tree.structure import Structure, float_dtype
+from jaxframes.tree.topology import Topology
+from jaxframes.tree.ways import FEWEST
+
+
+@jax.tree_util.register_pytree_node_class
+class StackedTree(Structure):
+    """The same tree, its numbers stored by family: a compiled call takes a handful of arrays instead of some for each frame.
+
+    Attributes:
+        stacks: For each family its arrays, [..., n_edges, k] where its edges are stacked, else those of its one edge.
+        topology: As in ``FrameTree``.
+    """
+
+    def __init__(self, families: tuple[tuple[Any, ...], ...], topology: Topology):
+        self.stacks, self.topology = families, topology
+
+    def tree_flatten(self) -> tuple[tuple[Any, ...], Topology]:
+        """Return the arrays, and the topology (for JAX)."""
+        return (self.stacks,), self.topology
+
+    @classmethod
+    def tree_unflatten(cls, topology: Topology, children: Any) -> "StackedTree":
+        """Return the tree of some arrays (for JAX)."""
+        (stacks,) = children
+        return cls(stacks, topology)
+
+    def _edge(self, frame: int) -> Edge:
+        group, row = self.topology.locations[frame]
+        leaves = self.stacks[group]
+        if self.topology.stacked[group]:
+            leaves = tuple(leaf[..., row, :] for leaf in leaves)
+        return jax.tree.unflatten(self.topology.groups[group], leaves)
+
+    def numbers(self, frames: Sequence[int]) -> tuple[Any, ...]:
+        """Return the numbers of the edges above frames, all of one family, leaf by leaf: arrays [..., n_frames, k]."""
+        locations = self.topology.locations
+        group, rows = locations[frames[0]][0], np.array([locations[frame][1] for frame in frames])
+        return tuple(self._rows(leaf, rows) for leaf in self.stacks[group])
+
+    @staticmethod
+    def _rows(leaf: Any, rows: np.ndarray) -> Any:
+        if len(rows) == leaf.shape[-2] and np.all(np.diff(rows) == 1):
+            return leaf
+        return leaf[..., rows, :] if is_concrete(leaf) else leaf.at[..., rows, :].get(mode="promise_in_bounds")
+
+    @functools.cached_property
+    def batch_shape(self) -> tuple[int, ...]:
+        """Batch axes of the tree's own numbers."""
+        stacked = zip(self.stacks, self.topology.stacked, strict=True)
+        return np.broadcast_shapes(*{np.shape(leaf)[:-2] for leaves, on in stacked if on for leaf in leaves})
+
+    @functools.cached_property
+    def dtype(self) -> Any:
+        """Float dtype of the tree's numbers."""
+        return float_dtype(self.stacks)
+
+
+class Plan:
+    """How a tree is put together of arguments: its structure, and the numbers that are part of the program; hashable, equal by value."""
+
+    def __init__(self, structure: Any, known: tuple[Known | None, ...]):
+        self._structure, self._known = structure, known
+        self._hash = hash((structure, known))
+
+    def tree(self, arrays: Sequence[Any]) -> Structure:
+        """Return the tree of the arrays that are not known."""
+        rest = iter(arrays)
+        return jax.tree.unflatten(self._structure, [next(rest) if known is None else known.array for known in self._known])
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (isinstance(other, Plan) and (self._structure, self._known) == (other._structure, other._known))
+
+
+def as_arguments(tree: Structure) -> tuple[Any, Plan | None]:
+    """Return what a compiled query takes of a tree: arguments, and the plan by which they become the tree.
+
+    Axes along coordinates, identities and zeros are part of the plan: they fold away, and a tree that differs in other numbers only runs the
+    same program. A large tree is stacked by family; one whose numbers are traced is taken as it is.
+    """
+    if not tree.is_known:
+        return tree, None
+    if len(tree.names) >= FEWEST:
+        return StackedTree(tree.families, tree.topology), None
+    return tree.held("arguments", lambda: _folded(tree))
+
+
+def _folded(tree: Structure) -> tuple[tuple[Any, ...], Plan]:
+    leaves, structure = jax.tree.flatten(tree)
+    known = tuple(Known(tuple(np.asarray(x).tolist()), np.dtype(x.dtype).name) if _is_simple(x) else None for x in leaves)
+    return tuple(leaf for leaf, number in zip(leaves, known, strict=True) if number is None), Plan(structure, known)
+
+
+def _is_simple(leaf: Any) -> bool:
+    """Return whether all numbers of a leaf are zeros or ones of either sign."""
+    return np.ndim(leaf) == 1 and bool(np.isin(np.asarray(leaf), (-1.0, 0.0, 1.0)).all())

@@ -1,0 +1,46 @@
+"""Arrays: which numbers are known while tracing, and array-likes as arrays of one float dtype."""
+
+import functools
+from typing import Any
+
+import jax
+import jax.core
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jax.extend.core import unsafe_am_i_under_a_jit_DO_NOT_USE  # pyright: ignore[reportPrivateImportUsage]
+
+
+def is_concrete(array: Any) -> bool:
+    """Whether an array's numbers are known now, outside any trace."""
+    return not isinstance(array, jax.core.Tracer)
+
+
+def is_compiling() -> bool:
+    """Whether what is called now becomes part of a larger program, such as a jitted function or the body of a loop."""
+    return unsafe_am_i_under_a_jit_DO_NOT_USE()
+
+
+def default_float() -> Any:
+    """Return the default float dtype as JAX is configured now."""
+    return jnp.result_type(float)
+
+
+def as_float(value: Any) -> jax.Array:
+    """Return any array-like of numbers as a JAX array with a strong float dtype."""
+    if isinstance(value, jax.Array) and not value.weak_type and jnp.issubdtype(value.dtype, jnp.floating):
+        return value
+    if isinstance(value, (np.ndarray, float)):  # converted before it becomes an array of JAX: ten times faster
+        numbers = np.asarray(value)
+        single = jnp.issubdtype(numbers.dtype, jnp.floating) and isinstance(value, np.ndarray) and numbers.dtype != np.float64
+        return jnp.asarray(numbers if single else numbers.astype(default_float()))
+    array = jnp.asarray(value)
+    dtype = array.dtype if jnp.issubdtype(array.dtype, jnp.floating) and not array.weak_type else default_float()
+    return lax.convert_element_type(array, dtype)
+
+
+def common_float(*values: Any) -> tuple[jax.Array, ...]:
+    """Return array-likes as JAX arrays of their promoted float dtype."""
+    arrays = tuple(as_float(v) for v in values)
+    dtype = functools.reduce(jnp.promote_types, (a.dtype for a in arrays))
+    return tuple(lax.convert_element_type(a, dtype) for a in arrays)

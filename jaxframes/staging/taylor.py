@@ -1,0 +1,24 @@
+"""Taylor series through our primitives, for ``jax.experimental.jet``: a stage and an operation are what they compute, columns are linear."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from jax.experimental import jet
+
+from jaxframes.staging import columns, operation, stages
+
+
+def _of_stage(primals: Sequence[Any], series: Sequence[Any], *, program: Any) -> Any:
+    return jet.jet(program.evaluate, tuple(primals), tuple(series), factorial_scaled=False)
+
+
+def _of_operation(primals: Sequence[Any], series: Sequence[Any], *, operation: Any) -> Any:
+    return jet.jet(lambda *arrays: list(operation.compute(*arrays)), tuple(primals), tuple(series), factorial_scaled=False)
+
+
+def register() -> None:
+    """Tell JAX the rules."""
+    jet.jet_rules[stages.STAGE] = _of_stage
+    jet.jet_rules[operation.OPERATION] = _of_operation
+    for linear in columns.PRIMITIVES:
+        jet.deflinear(linear)
