@@ -15,8 +15,9 @@ from jaxframes.numerics.packed import Kind
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
 from jaxframes.spatial import Motion
+from jaxframes.staging.arrays import widest
 from jaxframes.staging.traced_inputs import Operands, Source
-from jaxframes.tree.edges.base import Inputs
+from jaxframes.tree.edges.base import Edge, Inputs
 from jaxframes.tree.edges.mimic import Mimic
 from jaxframes.tree.state import State
 from jaxframes.tree.structure import Structure, float_dtype
@@ -29,11 +30,12 @@ class Context:
 
     def __init__(self, tree: Structure, state: State, order: int):
         self.tree, self.topology, self.order = tree, tree.topology, order
-        self.dtype = jnp.promote_types(tree.dtype, float_dtype(state))
+        self.dtype = widest(tree.dtype, float_dtype(state))
         self._check_joints(state)
         self.shape = self._batch_shape(state)
         self.state = state
         self._given: dict[int, Any] = {}
+        self._edges: dict[int, Edge] = {}
 
     @property
     def time(self) -> tuple[jax.Array, jax.Array] | None:
@@ -76,7 +78,7 @@ class Context:
             return GivenSteps(operands.components(steps), operands.components(twists))
         driver, followers = frame, []
         while self.topology.sources[driver] >= 0:
-            followers.append(operands.parts(self.tree._edge(driver).bare()))
+            followers.append(operands.parts(self._read(driver)))
             driver = self.topology.sources[driver]
         first_q, nq, first_v, nv = self.topology.coordinates[driver]
         kept = []
@@ -86,8 +88,14 @@ class Context:
         row, held = self.topology.prescribed[frame], None
         if row >= 0:
             held = tuple(operands.place(leaf) for leaf in self._leaves(self.state.prescribed)), row
-        edge = operands.parts(self.tree._edge(frame).bare())
+        edge = operands.parts(self._read(frame))
         return EdgeSteps(edge, tuple(kept), (nq, nv), tuple(reversed(followers)), held)
+
+    def _read(self, frame: int) -> Edge:
+        """Return the edge above a frame as programs read it: at unit length where it lies on a sphere, without limits."""
+        if frame not in self._edges:
+            self._edges[frame] = self.tree._edge(frame).bare().normalized()
+        return self._edges[frame]
 
     def _window(self, kind: str, frames: Sequence[int], whole: bool) -> tuple[int, jax.Array]:
         """Return the columns of ``q``, ``qd`` or ``qdd`` between the first and the last that edges read, and where they start."""
@@ -180,14 +188,14 @@ class Context:
                 Kept(operands.place(getattr(self.state, kind)), *((first_q, nq) if kind == "q" else (first_v, nv)))
                 for kind in JOINT_FIELDS[: 1 + self.order]
             )
-            own = EdgeSteps(operands.parts(edge.bare()), kept, (nq, nv)).inputs(operands.arrays, self.reading)
-            edge, inputs = self.reading.edge(edge), own._replace(time=self.time)
+            own = EdgeSteps(operands.parts(self._read(frame)), kept, (nq, nv)).inputs(operands.arrays, self.reading)
+            edge, inputs = self.reading.edge(edge.normalized()), own._replace(time=self.time)
             self._given[frame] = edge.steps(inputs, self.order), unit_twists(edge, inputs) if nv else []
         return self._given[frame]
 
     def fixed_steps(self, frame: int) -> tuple[Step, ...]:
         """Return the steps of a fixed edge, which reads nothing but its own numbers."""
-        return self.reading.edge(self.tree._edge(frame)).steps(Inputs(batch_rank=len(self.shape)), self.order)
+        return self.reading.edge(self._read(frame)).steps(Inputs(batch_rank=len(self.shape)), self.order)
 
     def check(self, frame: int) -> None:
         """Raise NoAccelerationError or MissingInputError where the edge above a frame cannot answer."""

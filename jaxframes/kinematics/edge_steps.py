@@ -13,7 +13,7 @@ from jaxframes.numerics.components import V3, Component, mul
 from jaxframes.numerics.extension import StepsRecipe, folded
 from jaxframes.numerics.rigid import AT_REST
 from jaxframes.numerics.steps import Step, append_all
-from jaxframes.staging.columns import column, parameters
+from jaxframes.staging.columns import column, parameters, take_apart
 from jaxframes.staging.traced_inputs import Parts
 from jaxframes.tree.edges.base import Edge, Inputs
 from jaxframes.tree.edges.mimic import Mimic
@@ -56,6 +56,33 @@ class Reading:
         return jax.tree.map(lambda leaf: leaf.astype(self.dtype) if jnp.issubdtype(leaf.dtype, jnp.floating) else leaf, edge)
 
 
+class Opened(tuple):
+    """Arrays of which each is taken apart once, for all edges that read some of its columns."""
+
+    def __new__(cls, arrays: Sequence[jax.Array]) -> "Opened":
+        """Return arrays to be taken apart."""
+        return super().__new__(cls, arrays)
+
+    def __init__(self, arrays: Sequence[jax.Array]):
+        self._apart: dict[int, Row] = {}
+
+    def columns(self, place: int, reading: Reading) -> Row:
+        """Return the components of one of the arrays [..., k]."""
+        if place not in self._apart:
+            self._apart[place] = take_apart(reading.ranked(self[place], 1))
+        return self._apart[place]
+
+
+def columns(arrays: Sequence[jax.Array], kept: Kept, reading: Reading) -> Row:
+    """Return the columns that an edge reads of an array that a state holds."""
+    if not kept.count:
+        return ()
+    if isinstance(arrays, Opened):
+        return arrays.columns(kept.place, reading)[kept.first : kept.first + kept.count]
+    array = reading.ranked(arrays[kept.place], 1)
+    return tuple(column(array, kept.first + i) for i in range(kept.count))
+
+
 @dataclass(frozen=True)
 class EdgeSteps:
     """The steps of one edge as a function of arrays.
@@ -76,7 +103,7 @@ class EdgeSteps:
 
     def inputs(self, arrays: Sequence[jax.Array], reading: Reading) -> Inputs:
         """Return what the edge reads of a state."""
-        rows: list[Row] = [self._columns(arrays, kept, reading) for kept in self.kept]
+        rows: list[Row] = [columns(arrays, kept, reading) for kept in self.kept]
         rows += [(0.0,) * self.counts[1]] * (3 - len(rows))
         q, qd, qdd = rows
         for follower in self.followers:
@@ -122,13 +149,6 @@ class EdgeSteps:
             followers=tuple(follower.moved(places) for follower in self.followers),
             held=None if self.held is None else (tuple(places[p] for p in self.held[0]), self.held[1]),
         )
-
-    @staticmethod
-    def _columns(arrays: Sequence[jax.Array], kept: Kept, reading: Reading) -> Row:
-        if not kept.count:
-            return ()
-        array = reading.ranked(arrays[kept.place], 1)
-        return tuple(column(array, kept.first + i) for i in range(kept.count))
 
 
 @dataclass(frozen=True)
@@ -187,7 +207,8 @@ class PathSteps(StepsRecipe):
 
     def __call__(self, *arrays: jax.Array) -> tuple[Step, ...]:
         """Return the steps."""
-        return folded(step for edge in self.edges for step in edge.steps(arrays, self.reading))
+        opened = Opened(arrays)
+        return folded(step for edge in self.edges for step in edge.steps(opened, self.reading))
 
     @property
     def numbers(self) -> frozenset[int]:

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxframes.kinematics.context import Context
-from jaxframes.kinematics.edge_steps import AnySteps, Reading
+from jaxframes.kinematics.edge_steps import AnySteps, Opened, Reading
 from jaxframes.numerics.components import V3, ZERO, Component, cross, quat_conj, quat_mul, rotate
 from jaxframes.numerics.computed import Program, computed
 from jaxframes.numerics.extension import half_angles, has_angles, with_halves
@@ -67,6 +67,7 @@ class _Parts:
     reading: Reading
 
     def __call__(self, *arrays: jax.Array) -> list[list[Made]]:
+        arrays = Opened(arrays)
         made = lambda edge: (edge.steps.steps(arrays, self.reading), edge.steps.unit_twists(arrays, self.reading))  # noqa: E731
         return [[made(edge) for edge in way] for way in self.ways]
 

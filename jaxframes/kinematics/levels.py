@@ -132,7 +132,8 @@ def _family_source(context: Context, group: int, frames: list[int]) -> Source:
     """Return the steps of edges of one family as one source, each component [*batch, n_edges]."""
     context.check(frames[0])
     topology, operands = context.topology, Operands()
-    numbers = tuple(operands.place(_in_dtype(leaf, context.dtype)) for leaf in context.tree.numbers(frames))
+    edge = jax.tree.unflatten(topology.groups[group], context.tree.numbers(frames)).normalized()
+    numbers = tuple(operands.place(_in_dtype(leaf, context.dtype)) for leaf in jax.tree.leaves(edge))
     rank = len(context.shape)
     reading = replace(context.reading, rank=rank + 1)
     if topology.prescribed[frames[0]] >= 0:

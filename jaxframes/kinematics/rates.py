@@ -19,16 +19,6 @@ def _quaternion_rate(angular: V3, wxyz: Quat) -> Quat:
     return quat_mul(quat_from(0.0, angular * 0.5), wxyz)
 
 
-def trailing(state: State) -> State:
-    """Return how many axes of each leaf of a state are not batch axes, in the structure of the state."""
-    ranks = {"q": 1, "qd": 1, "qdd": 1, "time": 0, "prescribed": 2}
-    found = {name: jax.tree.map(lambda _, rank=rank: rank, getattr(state, name)) for name, rank in ranks.items()}
-    held = state.attachments
-    if held is not None:
-        held = Attachments(1, jax.tree.map(lambda _: 2, held.motion))  # pyright: ignore[reportArgumentType]
-    return replace(state, **found, attachments=held)
-
-
 def batch_of(array: jax.Array, rank: int) -> tuple[int, ...]:
     """Return the batch axes of an array of which so many trailing axes are none."""
     return array.shape[: array.ndim - rank]
@@ -36,9 +26,7 @@ def batch_of(array: jax.Array, rank: int) -> tuple[int, ...]:
 
 def broadcast(state: State) -> State:
     """Return a state whose fields all have one batch shape."""
-    ranks = trailing(state)
-    batch = jnp.broadcast_shapes(*jax.tree.leaves(jax.tree.map(batch_of, state, ranks), is_leaf=lambda x: isinstance(x, tuple)))
-    return jax.tree.map(lambda a, rank: jnp.broadcast_to(a, (*batch, *a.shape[a.ndim - rank :])), state, ranks)
+    return state.broadcast_to(state.shape)
 
 
 def rate(tree: Structure, state: State) -> State:

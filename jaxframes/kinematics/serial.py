@@ -38,7 +38,7 @@ def down(context: Context, frames: Sequence[int], found: Repeats) -> Packed:
         whole = context.gathered(kind, columns)
         return jnp.moveaxis(whole.reshape(*whole.shape[:-1], found.pieces, len(moving)), -2, 0)
 
-    edges = [context.tree.numbers(frames[place::size]) for place in range(size)]
+    edges = [_numbers(context, found.groups[place], frames[place::size]) for place in range(size)]
     values = [coordinates(kind) for kind in JOINT_FIELDS[: 1 + context.order]]
     definitions, counts = tuple(topology.groups[group] for group in found.groups), tuple(map(len, edges))
     columns = tuple(moving.index(place) if place in moving else None for place in range(size))
@@ -49,6 +49,12 @@ def down(context: Context, frames: Sequence[int], found: Repeats) -> Packed:
 
     start = tuple(like(a, *jax.tree.leaves(values)) for a in context.kind.packed(AT_REST))
     return lax.scan(piece, start, (edges, values))[0]
+
+
+def _numbers(context: Context, group: int, frames: Sequence[int]) -> list[jax.Array]:
+    """Return the numbers of edges of one family, one edge after the other: arrays [n_edges, k]."""
+    edge = jax.tree.unflatten(context.topology.groups[group], context.tree.numbers(frames)).normalized()
+    return [jnp.asarray(leaf) for leaf in jax.tree.leaves(edge)]
 
 
 @dataclass(frozen=True)

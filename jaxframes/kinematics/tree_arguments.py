@@ -90,7 +90,7 @@ class Plan:
 def as_arguments(tree: Structure) -> tuple[Any, Plan | None]:
     """Return what a compiled query takes of a tree: arguments, and the plan by which they become the tree.
 
-    Axes along coordinates, identities and zeros are part of the plan: they fold away, and a tree that differs in other numbers only runs the
+    Axes along coordinates, identities and zeros are part of the plan: they fold away, and a tree that differs in other numbers runs the
     same program. A large tree is stacked by family; one whose numbers are traced is taken as it is.
     """
     if not tree.is_known:

@@ -18,7 +18,7 @@ from jax import lax
 
 from jaxframes.kinematics.arrays import halves
 from jaxframes.kinematics.context import Context
-from jaxframes.kinematics.edge_steps import AnySteps, EdgeSteps, PathSteps, Reading
+from jaxframes.kinematics.edge_steps import AnySteps, EdgeSteps, Opened, PathSteps, Reading
 from jaxframes.kinematics.rates import batch_of
 from jaxframes.kinematics.walk import Move, follow, moves
 from jaxframes.numerics.components import Component
@@ -118,6 +118,7 @@ class _AllFrames(Operation):
         turning = _Angles(self.edges, self.reading)
         angles = len(turning(*arrays))
         pair = given_pairs(*sin_cos_of(turning, *arrays)) if angles else sin_cos
+        arrays = Opened(arrays)
         found, starts = {self.observer: AT_REST}, {move.start for move in self.moves}
         for move, edge in zip(self.moves, self.edges, strict=True):
             steps = with_halves(folded(edge.steps(arrays, self.reading)), pair)
@@ -188,7 +189,8 @@ class _Angles:
     reading: Reading
 
     def __call__(self, *arrays: jax.Array) -> list[jax.Array]:
-        return [angle for edge in self.edges for angle in half_angles(edge.steps(arrays, self.reading))]
+        opened = Opened(arrays)
+        return [angle for edge in self.edges for angle in half_angles(edge.steps(opened, self.reading))]
 
 
 def _moved(order: int, start: Rigid, steps: Sequence[Step], move: Move) -> Rigid:

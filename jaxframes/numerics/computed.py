@@ -5,14 +5,14 @@ first, for the program and its change to read, and the change is a stage of its 
 inputs: reverse mode keeps inputs only, and the adjoint is one loop for each array of coordinates.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import jax
 
 from jaxframes.numerics.trig import Half, given_pairs, sin_cos, sin_cos_of
-from jaxframes.staging.operation import Arrays, Operation, changes_of, run, with_changes
+from jaxframes.staging.operation import Arrays, Operation, changes_of, run
 from jaxframes.staging.stages import stage
 
 
@@ -42,8 +42,8 @@ class Program:
         """Return the change of the results: that of the arithmetic, unless something better is known."""
         return changes_of(lambda *arrays: tuple(self.values(pair, *arrays)), primals, tangents)
 
-    def in_pieces(self, moved: Sequence[int]) -> Callable[..., Arrays] | None:
-        """Return a function that computes the same piece by piece, where its change with some inputs is too much for one stage."""
+    def change_by_numbers(self, primals: Arrays, tangents: Sequence[jax.Array | None]) -> Arrays | None:
+        """Return the change of the results where too many inputs change for one stage, worked out in several; None elsewhere."""
         return None
 
 
@@ -65,9 +65,9 @@ class _Computed(Operation):
         return self.program.results
 
     def derivative(self, primals: Arrays, tangents: Sequence[jax.Array | None]) -> tuple[Arrays, Arrays]:
-        pieces = self.program.in_pieces([i for i, tangent in enumerate(tangents) if tangent is not None])
-        if pieces is not None:
-            return with_changes(pieces, primals, tangents)
+        changes = self.program.change_by_numbers(primals, tangents)
+        if changes is not None:
+            return run(self, *primals), changes
         pairs = sin_cos_of(_Angles(self.program), *primals) if self.program.has_angles else ()
         return _WithPairs(self.program, len(primals)).derivative((*primals, *pairs), (*tangents, *(None for _ in pairs)))
 

@@ -1,20 +1,24 @@
 """Extending a motion by steps: composed forward, differentiated by geometry (``variation``)."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 import jax
+import jax.numpy as jnp
 
 from jaxframes.numerics.components import mul
 from jaxframes.numerics.computed import Program, computed
-from jaxframes.numerics.packed import Kind, Packed, unpacked, unpacked_change
+from jaxframes.numerics.packed import Kind, Packed, change_of, unpacked, unpacked_change
 from jaxframes.numerics.rigid import Rigid, compose
 from jaxframes.numerics.steps import Step, Turn, append_all
 from jaxframes.numerics.trig import Half, sin_cos
-from jaxframes.numerics.variation import varied
+from jaxframes.numerics.variation import NO_CHANGE, extended, first_change, of_rotation, varied
+from jaxframes.staging.columns import joined, take_apart
 from jaxframes.staging.operation import Arrays
+from jaxframes.staging.sharding import alike
+from jaxframes.staging.stages import stage
 from jaxframes.staging.traced_inputs import Operands, Parts, Source, changes, outline
 
 
@@ -70,9 +74,9 @@ def extend(start: Packed, source: Source, kind: Kind) -> Packed:
     return computed(program, *start, *arrays)
 
 
-EDGES_BY_NUMBERS = 2
-"""Edges whose own numbers may change within one stage. A change of a mount takes six numbers where one of a joint takes one, and compilers
-take exponentially longer for the adjoint of a long path of them."""
+EDGES_TOGETHER = 5
+"""Edges that go together in a stage of a change by numbers, where it is not their own numbers that change. One whose own change is a stage
+by itself: a mount takes ten numbers where a joint takes one, and compilers take exponentially longer for the adjoint of many."""
 
 
 @dataclass(frozen=True)
@@ -104,19 +108,77 @@ class _Extension(Program):
         dsteps = changes(self.recipe, primals[self.starts :], tangents[self.starts :])
         return self.kind.packed(varied(unpacked(start), unpacked_change(dstart), steps, dsteps, self.kind.order))
 
-    def in_pieces(self, moved: Sequence[int]) -> Callable[..., Arrays] | None:
-        numbers = {self.starts + place for place in self.recipe.numbers}
-        if self.recipe.count <= EDGES_BY_NUMBERS or not numbers.intersection(moved):
+    def change_by_numbers(self, primals: Arrays, tangents: Sequence[jax.Array | None]) -> Packed | None:
+        """Return the change where edges' own numbers change, carried from piece to piece.
+
+        Each piece is a stage that reads the motion before it and that motion's change, and hands on its own: small and of known size,
+        however long the path.
+        """
+        moved = {i - self.starts for i, tangent in enumerate(tangents) if tangent is not None}
+        if not self.recipe.numbers & moved:
             return None
+        motion, arrays, steps = tuple(primals[: self.starts]), primals[self.starts :], tangents[self.starts :]
+        change = self._first(motion, tangents[: self.starts])
+        for first, last in self._pieces(moved):
+            part, places = self.recipe.part(first, last)
+            own = tuple(arrays[place] for place in places)
+            change = self._next(part, own, [steps[place] for place in places], motion, change)
+            motion = extend(motion, Source(part, own), self.kind)
 
-        def pieces(*arrays: jax.Array) -> Packed:
-            found, rest = tuple(arrays[: self.starts]), arrays[self.starts :]
-            for first in range(0, self.recipe.count, EDGES_BY_NUMBERS):
-                part, places = self.recipe.part(first, first + EDGES_BY_NUMBERS)
-                found = extend(found, Source(part, tuple(rest[place] for place in places)), self.kind)
-            return found
+        def work(end: Packed, change: Packed) -> Packed:
+            return self.kind.packed(of_rotation(unpacked(end), change_of(change)))
 
-        return pieces
+        return stage(work)(motion, change)
+
+    def _pieces(self, moved: set[int]) -> list[tuple[int, int]]:
+        """Return the edges of each stage: one whose numbers change is alone, of the others some go together."""
+        ends, first = list[tuple[int, int]](), 0
+        for edge in range(self.recipe.count):
+            part, places = self.recipe.part(edge, edge + 1)
+            if {places[own] for own in part.numbers} & moved:
+                ends += [(first, edge)] * (edge > first) + [(edge, edge + 1)]
+                first = edge + 1
+            elif edge - first + 1 == EDGES_TOGETHER:
+                ends.append((first, edge + 1))
+                first = edge + 1
+        return ends + [(first, self.recipe.count)] * (self.recipe.count > first)
+
+    def _first(self, start: Packed, dstart: Sequence[jax.Array | None]) -> Packed:
+        """Return the change of the start; no arrays where it does not change."""
+        if all(tangent is None for tangent in dstart):
+            return ()
+
+        def work(start: Packed, dstart: Sequence[jax.Array | None]) -> Packed:
+            return self.kind.packed_change(first_change(unpacked(start), unpacked_change(dstart)).groups)
+
+        return stage(work)(start, tuple(dstart))
+
+    def _next(
+        self, part: StepsRecipe, arrays: Sequence[jax.Array], tangents: Sequence[jax.Array | None], start: Packed, change: Packed
+    ) -> Packed:
+        """Return the change of the motion after a piece.
+
+        The tangents of numbers go in as columns of one array, for each sample: so in reverse mode one loop writes them, and a sum over the
+        batch follows it.
+        """
+        own = [i for i in sorted(part.numbers) if tangents[i] is not None]
+        shape, widths = self.kind.shape, [arrays[i].shape[-1] for i in own]
+        batch = jnp.broadcast_shapes(*(tangents[i].shape[:-1] for i in own))
+        wide = [jnp.broadcast_to(tangents[i], (*batch, width)).astype(self.kind.dtype) for i, width in zip(own, widths, strict=True)]
+        columns = jnp.broadcast_to(jnp.concatenate(alike(*wide), -1), (*shape, sum(widths))) if own else None
+
+        def work(arrays: Arrays, tangents: Sequence[Any], columns: jax.Array | None, start: Packed, change: Packed) -> Packed:
+            full, steps = list(arrays), list(tangents)
+            rest = iter(() if columns is None else take_apart(columns))
+            for i, width in zip(own, widths, strict=True):
+                full[i] = jnp.broadcast_to(arrays[i], (*shape, width))
+                steps[i] = joined([next(rest) for _ in range(width)]).astype(arrays[i].dtype)
+            made, moved = with_halves(part(*full), sin_cos), changes(part, full, steps)
+            before = change_of(change) if change else NO_CHANGE
+            return self.kind.packed_change(extended(unpacked(start), before, made, moved, self.kind.order)[1].groups)
+
+        others = tuple(None if i in own else tangent for i, tangent in enumerate(tangents))
+        return stage(work)(tuple(arrays), others, columns, start, change)
 
 
 def half_angles(steps: Iterable[Step]) -> list[jax.Array]:

@@ -13,6 +13,7 @@ import jax
 
 from jaxframes.numerics.components import V3, Component, Quat
 from jaxframes.numerics.rigid import Rigid
+from jaxframes.numerics.variation import Change
 from jaxframes.staging.columns import assemble, take_apart
 from jaxframes.staging.sharding import alike
 
@@ -40,6 +41,10 @@ class Kind:
         groups = (pose, (*motion.angular, *motion.linear), (*motion.angular2, *motion.linear2))
         return tuple(alike(*(assemble(group, self.shape, self.dtype) for group in groups[: 1 + self.order])))
 
+    def packed_change(self, groups: Sequence[Sequence[Component]]) -> Packed:
+        """Return the change of a motion as arrays of six columns: small rotation and translation, angular and linear, twice."""
+        return tuple(alike(*(assemble(group, self.shape, self.dtype) for group in groups[: 1 + self.order])))
+
     @property
     def results(self) -> list[jax.ShapeDtypeStruct]:
         """The shapes and dtypes of a motion's arrays."""
@@ -56,6 +61,11 @@ def unpacked_change(tangents: Sequence[jax.Array | None]) -> Rigid:
     zeros = ((0.0,) * 7, *((0.0,) * 6 for _ in tangents[1:]))
     found = [zero if tangent is None else take_apart(tangent) for tangent, zero in zip(tangents, zeros, strict=False)]
     return _from_groups(found or zeros)
+
+
+def change_of(arrays: Sequence[jax.Array]) -> Change:
+    """Return the change of a motion of its arrays; what they do not hold is a known zero."""
+    return Change(*(V3(*half) for six in map(take_apart, arrays) for half in (six[:3], six[3:])))
 
 
 def _from_groups(found: Sequence[tuple[Component, ...]]) -> Rigid:

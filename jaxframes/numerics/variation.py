@@ -28,16 +28,26 @@ def varied(motion: Rigid, dmotion: Rigid, steps: Sequence[Step], dsteps: Sequenc
         dsteps: Their changes, in the same structure; known zeros where nothing changes.
         order: 0 for poses, 1 with velocities, 2 with accelerations.
     """
-    change = _first_change(motion, dmotion)
+    motion, change = extended(motion, first_change(motion, dmotion), steps, dsteps, order)
+    return of_rotation(motion, change)
+
+
+def extended(motion: Rigid, change: "Change", steps: Sequence[Step], dsteps: Sequence[Any], order: int) -> "tuple[Rigid, Change]":
+    """Return a motion extended by steps, and its change (arguments as for ``varied``)."""
     for step, dstep in zip(steps, dsteps, strict=True):
-        change = _next_change(motion, change, step, dstep, order)
+        change = next_change(motion, change, step, dstep, order)
         motion = append(motion, step, order)
+    return motion, change
+
+
+def of_rotation(motion: Rigid, change: "Change") -> Rigid:
+    """Return the change of a motion as the change of each component: a small rotation phi changes a quaternion by phi q / 2."""
     rotation = quat_mul(quat_from(0.0, change.angle * 0.5), motion.rotation)
     return Rigid(rotation, change.translation, change.angular, change.linear, change.angular2, change.linear2)
 
 
 @dataclass(frozen=True)
-class _Change:
+class Change:
     """How a motion changes: the small rotation of its frame (outer axes), and the changes of its vectors."""
 
     angle: V3
@@ -47,18 +57,27 @@ class _Change:
     angular2: V3 = ZERO
     linear2: V3 = ZERO
 
+    @property
+    def groups(self) -> tuple[tuple[Component, ...], ...]:
+        """The components, six for the pose, the velocity and the acceleration."""
+        return (*self.angle, *self.translation), (*self.angular, *self.linear), (*self.angular2, *self.linear2)
+
+
+NO_CHANGE = Change(ZERO, ZERO)
+
 
 def _small_turn(change: Quat, rotation: Quat) -> V3:
     """Return the small rotation (outer axes) that a change of a unit quaternion stands for: 2 vec(dq q*)."""
     return quat_mul(change, quat_conj(rotation)).vector * 2.0
 
 
-def _first_change(motion: Rigid, change: Rigid) -> _Change:
+def first_change(motion: Rigid, change: Rigid) -> Change:
+    """Return the change of a motion, given as that of each component."""
     angle = _small_turn(change.rotation, motion.rotation)
-    return _Change(angle, change.translation, change.angular, change.linear, change.angular2, change.linear2)
+    return Change(angle, change.translation, change.angular, change.linear, change.angular2, change.linear2)
 
 
-def _next_change(before: Rigid, change: _Change, step: Step, dstep: Any, order: int) -> _Change:
+def next_change(before: Rigid, change: Change, step: Step, dstep: Any, order: int) -> Change:
     """Return how the motion after a step changes, from the motion before it and the changes of both."""
     turn = functools.partial(_turned, before.rotation, change.angle)
     if isinstance(step, Rigid):
@@ -116,19 +135,19 @@ def _swing(step: Turn, dstep: Turn) -> V3:
     return (dstep.axis * c + cross(step.axis, dstep.axis) * s) * mul(s, 2.0)
 
 
-def _carried(before: Rigid, change: _Change, angle: V3, arm: Varied, local: tuple[Varied, Varied, Varied, Varied], order: int) -> _Change:
+def _carried(before: Rigid, change: Change, angle: V3, arm: Varied, local: tuple[Varied, Varied, Varied, Varied], order: int) -> Change:
     """Return the change of the composed motion (see ``rigid.compose``) from those of the motion before and of what the step adds."""
     r, dr = arm
     translation = change.translation + dr
     if order == 0:
-        return _Change(angle, translation)
+        return Change(angle, translation)
     (spin, dspin), (slip, dslip), (_, dspin2), (_, dslip2) = local
     w, dw = before.angular, change.angular
     whirl, dwhirl = cross(w, r), cross(dw, r) + cross(w, dr)
     angular, linear = dw + dspin, change.linear + dwhirl + dslip
     if order == 1:
-        return _Change(angle, translation, angular, linear)
+        return Change(angle, translation, angular, linear)
     angular2 = change.angular2 + dspin2 + cross(dw, spin) + cross(w, dspin)
     linear2 = change.linear2 + dslip2 + cross(change.angular2, r) + cross(before.angular2, dr)
     linear2 = linear2 + cross(dw, whirl + slip * 2.0) + cross(w, dwhirl + dslip * 2.0)
-    return _Change(angle, translation, angular, linear, angular2, linear2)
+    return Change(angle, translation, angular, linear, angular2, linear2)

@@ -9,6 +9,7 @@ from jaxframes.spatial.delta import integrate_body_first_order as integrate_body
 from jaxframes.spatial.epoch import Epoch as Epoch
 from jaxframes.spatial.motion import Motion as Motion
 from jaxframes.spatial.rotation import Rotation as Rotation
+from jaxframes.spatial.serialization import register
 from jaxframes.spatial.transform import Transform as Transform
 from jaxframes.spatial.twist import Twist as Twist
 from jaxframes.spatial.twist import Wrench as Wrench
@@ -20,3 +21,5 @@ from jaxframes.spatial.vectors import normalize as normalize
 from jaxframes.spatial.velocity import SpatialAcceleration as SpatialAcceleration
 from jaxframes.spatial.velocity import SpatialVelocity as SpatialVelocity
 from jaxframes.spatial.velocity import phi as phi
+
+register((Epoch, Motion, Rotation, SpatialAcceleration, SpatialVelocity, Transform, Twist, Wrench))

@@ -1,6 +1,6 @@
 """Batch axes of values: shape, indexing, iterating, reshaping, joining; shared by everything that is a tree of arrays with leading axes."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, TypeVar
 
@@ -10,7 +10,7 @@ import numpy as np
 from jax import lax
 
 from jaxframes.errors import ShapeError
-from jaxframes.staging.arrays import common_float, is_concrete
+from jaxframes.staging.arrays import common_float, is_concrete, widest
 
 Self = TypeVar("Self", bound="Batched")
 
@@ -29,8 +29,18 @@ class Batched:
     @property
     def shape(self) -> tuple[int, ...]:
         """Batch shape: the leading axes, broadcast over the leaves."""
-        shapes = (np.shape(leaf) for leaf in jax.tree.leaves(self))
-        return np.broadcast_shapes(*(s[: len(s) - self.own_axes] for s in shapes))
+        return jnp.broadcast_shapes(*(np.shape(leaf)[: np.ndim(leaf) - own] for leaf, own in self._with_own()))
+
+    def own_axes_of_leaves(self) -> list[int]:
+        """Return, for each leaf, how many axes at its end are not batch axes."""
+        return [self.own_axes] * len(jax.tree.leaves(self))
+
+    def _with_own(self) -> list[tuple[Any, int]]:
+        return list(zip(jax.tree.leaves(self), self.own_axes_of_leaves(), strict=True))
+
+    def _mapped(self: Self, function: Callable[[Any, int], Any]) -> Self:
+        """Return a copy whose leaves are what a function makes of each leaf and the number of its own axes."""
+        return jax.tree.unflatten(jax.tree.structure(self), [function(leaf, own) for leaf, own in self._with_own()])
 
     @property
     def ndim(self) -> int:
@@ -40,7 +50,7 @@ class Batched:
     @property
     def dtype(self) -> Any:
         """Promoted dtype of the leaves."""
-        return jnp.result_type(*jax.tree.leaves(self))
+        return widest(*(leaf.dtype for leaf in jax.tree.leaves(self)))
 
     def replace(self: Self, **changes: Any) -> Self:
         """Return a copy with the fields given replaced."""
@@ -52,14 +62,13 @@ class Batched:
 
     def broadcast_to(self: Self, shape: Sequence[int]) -> Self:
         """Return a copy whose leaves all have the batch shape given."""
-        rank, own = len(shape), self.own_axes
-        return jax.tree.map(lambda leaf: jnp.broadcast_to(_ranked(leaf, rank + own), (*shape, *_tail(leaf, own))), self)
+        rank = len(shape)
+        return self._mapped(lambda leaf, own: jnp.broadcast_to(_ranked(leaf, rank + own), (*shape, *_tail(leaf, own))))
 
     def reshape(self: Self, *shape: Any) -> Self:
         """Return a copy with the batch axes reshaped: numbers, or one tuple of them."""
         wanted = tuple(shape[0]) if len(shape) == 1 and isinstance(shape[0], Sequence) else shape
-        own, full = self.own_axes, self.broadcast_to(self.shape)
-        return jax.tree.map(lambda leaf: leaf.reshape(*wanted, *_tail(leaf, own)), full)
+        return self.broadcast_to(self.shape)._mapped(lambda leaf, own: leaf.reshape(*wanted, *_tail(leaf, own)))
 
     def __getitem__(self: Self, index: Any) -> Self:
         """Return a part of the batch: any index that NumPy takes, over the batch axes only.
@@ -70,9 +79,12 @@ class Batched:
         """
         shape = self.shape
         index = _checked(index if isinstance(index, tuple) else (index,), shape)
-        if self.own_axes:
-            index = (*index, *(() if any(item is Ellipsis for item in index) else (Ellipsis,)), *[slice(None)] * self.own_axes)
-        return jax.tree.map(lambda leaf: leaf[index], self.broadcast_to(shape))
+        dots = () if any(item is Ellipsis for item in index) else (Ellipsis,)
+
+        def part(leaf: Any, own: int) -> Any:
+            return leaf[(*index, *dots, *[slice(None)] * own) if own else index]
+
+        return self.broadcast_to(shape)._mapped(part)
 
     def __len__(self) -> int:
         if not self.shape:
@@ -156,7 +168,7 @@ def stack(values: Sequence[Self], axis: int = 0) -> Self:
     values = _joined(values, "stack")
     shape = np.broadcast_shapes(*(v.shape for v in values))
     axis = axis + len(shape) + 1 if axis < 0 else axis
-    return jax.tree.map(lambda *leaves: jnp.stack(common_float(*leaves), axis), *(v.broadcast_to(shape) for v in values))
+    return jax.tree.map(lambda *leaves: jnp.stack(_common(*leaves), axis), *(v.broadcast_to(shape) for v in values))
 
 
 def concatenate(values: Sequence[Self], axis: int = 0) -> Self:
@@ -167,4 +179,11 @@ def concatenate(values: Sequence[Self], axis: int = 0) -> Self:
     """
     values = [v.broadcast_to(v.shape) for v in _joined(values, "concatenate")]
     axis = axis + values[0].ndim if axis < 0 else axis
-    return jax.tree.map(lambda *leaves: jnp.concatenate(common_float(*leaves), axis), *values)
+    return jax.tree.map(lambda *leaves: jnp.concatenate(_common(*leaves), axis), *values)
+
+
+def _common(*leaves: Any) -> tuple[jax.Array, ...]:
+    """Return leaves of one dtype: floats of their promoted one, whole numbers as they are."""
+    if all(jnp.issubdtype(jnp.result_type(leaf), jnp.integer) for leaf in leaves):
+        return tuple(map(jnp.asarray, leaves))
+    return common_float(*leaves)

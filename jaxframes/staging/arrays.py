@@ -26,6 +26,12 @@ def default_float() -> Any:
     return jnp.result_type(float)
 
 
+def widest(*dtypes: Any) -> Any:
+    """Return the dtype that holds numbers of several, however strict JAX's implicit promotion is set to be."""
+    with jax.numpy_dtype_promotion("standard"):
+        return functools.reduce(jnp.promote_types, dtypes)
+
+
 def as_float(value: Any) -> jax.Array:
     """Return any array-like of numbers as a JAX array with a strong float dtype."""
     if isinstance(value, jax.Array) and not value.weak_type and jnp.issubdtype(value.dtype, jnp.floating):
@@ -42,5 +48,20 @@ def as_float(value: Any) -> jax.Array:
 def common_float(*values: Any) -> tuple[jax.Array, ...]:
     """Return array-likes as JAX arrays of their promoted float dtype."""
     arrays = tuple(as_float(v) for v in values)
-    dtype = functools.reduce(jnp.promote_types, (a.dtype for a in arrays))
+    dtype = widest(*(a.dtype for a in arrays))
     return tuple(lax.convert_element_type(a, dtype) for a in arrays)
+
+
+def unit(array: Any) -> Any:
+    """Return vectors or quaternions [..., k] at unit length; NumPy arrays where the numbers are known. Zero gives NaN.
+
+    Known numbers that are unit to rounding stay as they are.
+    """
+    if is_concrete(array):
+        known = np.asarray(array)
+        length = np.sqrt(np.sum(np.square(known.astype(np.float64)), -1, keepdims=True))
+        if np.all(np.abs(length - 1.0) <= 4 * np.finfo(known.dtype).eps):
+            return known
+        with np.errstate(invalid="ignore"):
+            return (known / length).astype(known.dtype)
+    return array / lax.sqrt(jnp.sum(array * array, -1, keepdims=True))

@@ -7,7 +7,6 @@ either is the other: so a derivative is as few loops as the function itself.
 """
 
 import functools
-import math
 from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
@@ -44,8 +43,8 @@ def assemble(components: Sequence[Component], shape: tuple[int, ...] | None = No
 
 
 def take_apart(array: jax.Array) -> tuple[jax.Array, ...]:
-    """Return the k components of an array ``[..., k]``."""
-    return tuple(column(array, i) for i in range(array.shape[-1]))
+    """Return the k components of an array ``[..., k]``; their cotangents are put together at once."""
+    return tuple(_apart.bind(array)) if array.shape[-1] > 1 else (column(array, 0),)
 
 
 def parameters(array: jax.Array, batch_rank: int = 0) -> tuple[Component, ...]:
@@ -60,22 +59,6 @@ def parameters(array: jax.Array, batch_rank: int = 0) -> tuple[Component, ...]:
     if 1 < array.ndim <= batch_rank:
         array = lax.expand_dims(array, range(batch_rank + 1 - array.ndim))
     return take_apart(array)
-
-
-def unit_parameters(array: jax.Array, batch_rank: int = 0) -> tuple[Component, ...]:
-    """Return the components of a parameter that is a unit vector or quaternion, at unit length whatever its own is.
-
-    So a step of an optimiser off the sphere distorts nothing, and derivatives are along the sphere. Zero gives NaN.
-    """
-    components = parameters(array, batch_rank)
-    if all(isinstance(c, float) for c in components):
-        length = math.hypot(*components)  # pyright: ignore[reportArgumentType]
-        if abs(length - 1.0) <= 4 * float(jnp.finfo(array.dtype).eps):
-            return components
-        return tuple(c / length if length else math.nan for c in components)
-    squares = [c * c for c in components]
-    length = lax.sqrt(sum(squares[1:], squares[0]))
-    return tuple(c / length for c in components)
 
 
 def joined(components: Sequence[jax.Array]) -> jax.Array:
@@ -148,5 +131,38 @@ _join = _primitive("join_columns", _joined, lambda ct, *components: [column(ct, 
 _take = _primitive("take_column", _taken, lambda ct, array, *, index: [_place.bind(ct, index=index, count=array.aval.shape[-1])])
 _place = _primitive("place_column", _put, lambda ct, component, *, index, count: [column(ct, index)])
 
-PRIMITIVES = (_join, _take, _place)
+_apart = Primitive("take_columns_apart")
+_apart.multiple_results = True
+
+
+def _each(array: jax.Array) -> list[jax.Array]:
+    return [_taken(array, index=i) for i in range(array.shape[-1])]
+
+
+@functools.lru_cache(maxsize=4096)
+def _kinds(kind: Any) -> Sequence[Any]:
+    return jax.make_jaxpr(_each)(kind).out_avals
+
+
+def _joined_again(cotangents: Sequence[Any], array: Any) -> list[Any]:
+    given = [ct for ct in cotangents if not isinstance(ct, ad.Zero)]
+    if not given:
+        return [ad.Zero(array.aval)]
+    zero = jnp.zeros_like(given[0])
+    return [joined(alike(*(zero if isinstance(ct, ad.Zero) else ct for ct in cotangents)))]
+
+
+def _apart_batched(arguments: Sequence[jax.Array], axes: Sequence[int | None]) -> tuple[Sequence[jax.Array], Sequence[int]]:
+    (array,), (axis,) = arguments, axes
+    found = _apart.bind(jnp.moveaxis(array, axis, 0))
+    return found, [0] * len(found)
+
+
+_apart.def_abstract_eval(_kinds)
+_apart.def_impl(jax.jit(_each))
+mlir.register_lowering(_apart, mlir.lower_fun(_each))
+ad.deflinear2(_apart, _joined_again)
+batching.primitive_batchers[_apart] = _apart_batched
+
+PRIMITIVES = (_join, _take, _place, _apart)
 """The primitives: all of them linear."""

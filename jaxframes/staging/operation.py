@@ -1,7 +1,7 @@
 """Operations of our own: computations that bring their own derivative and their own way of taking an axis of ``vmap``.
 
-``jax.custom_jvp`` and ``jax.custom_batching.custom_vmap`` would do the same, but not inside loops: reverse mode through a ``scan`` refuses a
-``custom_vmap`` function, and jax 0.10 loses the rules of ``custom_jvp`` there, so that a second derivative is that of the arithmetic
+``jax.custom_jvp`` and ``jax.custom_batching.custom_vmap`` would do the same, but not inside loops: reverse mode through a ``scan`` refuses
+a ``custom_vmap`` function, and jax 0.10 loses the rules of ``custom_jvp`` there, so that a second derivative is that of the arithmetic
 (tests/staging/test_operation.py has both cases). An operation is a primitive, which keeps its rules wherever it is.
 """
 

@@ -1,4 +1,4 @@
-"""Taylor series through our primitives, for ``jax.experimental.jet``: a stage and an operation are what they compute, columns are linear."""
+"""Taylor series through our primitives, for ``jax.experimental.jet``: stages and operations are what they compute, columns are linear."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import jax
 
 from jaxframes.errors import FrameError
+from jaxframes.spatial.serialization import register
 from jaxframes.spatial.value import tag
 
 SPEED_OF_LIGHT = 299792458.0
@@ -84,3 +85,6 @@ def checked(tree: Any, of: str, relative_to: str, expressed_in: str | None, opti
     axes = 0 if expressed_in is None else index(expressed_in)
     sign = 1 if direction == "transmission" else -1
     return Looking(index(of), index(relative_to), axes, light_time, aberration, sign, order)
+
+
+register((ApparentState,))

@@ -41,10 +41,14 @@ def _edges(tree: Any) -> Iterator[str]:
             values = np.asarray(leaf)
             if np.issubdtype(values.dtype, np.floating) and "limits" not in jax.tree_util.keystr(path) and not np.isfinite(values).all():
                 yield f"{about}, {jax.tree_util.keystr(path)[1:]}, is not finite"
+        for field, axis in edge.directions().items():
+            if (off := _norm_off(axis)).any():
+                norm = np.linalg.norm(np.asarray(axis), axis=-1)[off].reshape(-1)[0]
+                yield f"frame {name!r}: {field} of its edge ({edge.describe()}) has length {norm:.6g}{_where(off)}; queries read it as 1"
         for wxyz in edge.quaternions():
             if _norm_off(wxyz).any():
                 norm = np.linalg.norm(np.asarray(wxyz), axis=-1).reshape(-1)[0]
-                yield f"{about} is a quaternion of norm {norm:.6g}; normalise it"
+                yield f"{about} is a quaternion of norm {norm:.6g}; queries read it at norm 1"
 
 
 def _joints(tree: Any, state: State) -> Iterator[str]:

@@ -7,10 +7,11 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 
 from jaxframes.errors import EdgeError, ShapeError
 from jaxframes.spatial import Epoch, Motion, Rotation, SpatialAcceleration, SpatialVelocity, Transform
-from jaxframes.staging.arrays import as_float
+from jaxframes.staging.arrays import as_float, widest
 from jaxframes.tree.edges.attachable import Attachable
 from jaxframes.tree.edges.stored import Movable
 from jaxframes.tree.state import Attachments, State
@@ -33,12 +34,25 @@ def make_state(tree: Structure, q: Any, qd: Any, qdd: Any, time: Any) -> State:
         if value is None:
             fields[kind] = rest
         elif isinstance(value, Mapping):
-            fields[kind] = set_named(topology, rest, value, kind)
+            given = {joint: in_dtype(one, dtype) for joint, one in value.items()}
+            wide = rest.astype(widest(rest.dtype, *(one.dtype for one in given.values())))
+            fields[kind] = set_named(topology, wide, given, kind)
         else:
-            fields[kind] = _checked(topology, as_float(value), counts[kind], kind)
+            fields[kind] = _checked(topology, in_dtype(value, dtype), counts[kind], kind)
     held = sum(i >= 0 for i in topology.prescribed)
     clock = None if time is None else Epoch.from_et(time)
     return State(**fields, time=clock, prescribed=_first_motions(tree, held, dtype), attachments=_first_attachments(tree, dtype))
+
+
+def in_dtype(value: Any, dtype: Any) -> jax.Array:
+    """Return numbers as an array: those that have a float dtype keep it, plain numbers and lists take the one given."""
+    if isinstance(value, (jax.Array, np.ndarray, np.generic)) and jnp.issubdtype(value.dtype, jnp.floating) and not _is_weak(value):
+        return as_float(value)
+    return lax.convert_element_type(as_float(value), dtype)
+
+
+def _is_weak(value: Any) -> bool:
+    return isinstance(value, jax.Array) and value.weak_type
 
 
 def _first_motions(tree: Structure, held: int, dtype: Any) -> Motion:
@@ -113,31 +127,69 @@ def _with_columns(values: jax.Array, columns: slice, new: jax.Array) -> jax.Arra
     return full.at[..., columns].set(jnp.broadcast_to(new, (*batch, new.shape[-1])))
 
 
-def set_motion(topology: Topology, state: State, name: str, motion: Motion) -> State:
-    """Return a state with the motion of one prescribed or attachable edge replaced where ``motion`` is not None."""
+def set_motions(topology: Topology, state: State, motions: Mapping[str, Any]) -> State:
+    """Return a state with the motions of prescribed or attachable edges replaced, field by field where one is not None.
+
+    Those of many edges go in together, so the program is as small for a thousand as for one.
+    """
+    rows: dict[bool, dict[str, int]] = {False: {}, True: {}}
+    for name in motions:
+        loose, row = _row_of(topology, state, name)
+        rows[loose][name] = row
+    parts = {name: _parts_of(name, motion) for name, motion in motions.items()}
+    if rows[False]:
+        state = replace(state, prescribed=_with_motions(state.prescribed, rows[False], parts))
+    if rows[True] and state.attachments is not None:
+        state = replace(state, attachments=replace(state.attachments, motion=_with_motions(state.attachments.motion, rows[True], parts)))
+    return state
+
+
+def _row_of(topology: Topology, state: State, name: str) -> tuple[bool, int]:
+    """Return whether a frame is attachable, and the row of its motion in the state (EdgeError where the state holds none)."""
     frame = topology.index(name)
-    row = topology.prescribed[frame]
-    loose = frame in topology.attachables and state.attachments is not None
-    if row < 0 and not loose:
+    if frame in topology.attachables and state.attachments is not None:
+        return True, topology.attachables.index(frame)
+    if topology.prescribed[frame] < 0:
         held = [topology.names[i] for i, at in enumerate(topology.prescribed) if at >= 0 or i in topology.attachables]
         known = f"frames that can: {', '.join(held)}" if held else "the tree has no such frame"
         raise EdgeError(f"the motion of frame {name!r} is not prescribed, so it cannot be set; {known}. Use jf.edges.Prescribed()")
-    if loose:
-        row = topology.attachables.index(frame)
+    return False, topology.prescribed[frame]
 
-    def put(old: Any, new: Any) -> Any:
-        if new is None:
-            return old
-        return jax.tree.map(lambda a, b: _with_row(a, row, as_float(b).astype(a.dtype), name), old, new)
 
-    for part, kind in zip((motion.transform, motion.velocity, motion.acceleration), _PARTS, strict=True):
+def _parts_of(name: str, motion: Any) -> tuple[Any, Any, Any]:
+    """Return pose, velocity and acceleration of a ``Motion`` or of a pose alone, each None if it is not given (ShapeError)."""
+    parts = (motion, None, None) if isinstance(motion, Transform) else ()
+    if isinstance(motion, Motion):
+        parts = (motion.transform, motion.velocity, motion.acceleration)
+    if not parts:
+        raise ShapeError(f"the motion of frame {name!r}: expected a jf.Motion or a jf.Transform, found {type(motion).__name__}")
+    for part, kind in zip(parts, _PARTS, strict=True):
         if part is not None and not isinstance(part, kind):
             raise ShapeError(f"the motion of frame {name!r}: expected a jf.{kind.__name__}, found {type(part).__name__}")
-    old = state.attachments.motion if loose and state.attachments is not None else state.prescribed
-    changed = Motion(put(old.transform, motion.transform), put(old.velocity, motion.velocity), put(old.acceleration, motion.acceleration))
-    if loose and state.attachments is not None:
-        return replace(state, attachments=replace(state.attachments, motion=changed))
-    return replace(state, prescribed=changed)
+    return parts
+
+
+def _with_motions(old: Motion, rows: Mapping[str, int], parts: Mapping[str, tuple[Any, Any, Any]]) -> Motion:
+    fields = []
+    for i, field in enumerate((old.transform, old.velocity, old.acceleration)):
+        given = {name: parts[name][i] for name in rows if parts[name][i] is not None}
+        leaves, structure = jax.tree.flatten(field)
+        new = [jax.tree.leaves(value) for value in given.values()]
+        at = [rows[name] for name in given]
+        fresh = [_with_rows(leaf, at, [one[k] for one in new], list(given)) if at else leaf for k, leaf in enumerate(leaves)]
+        fields.append(jax.tree.unflatten(structure, fresh))
+    return Motion(*fields)
+
+
+def _with_rows(values: jax.Array, rows: list[int], new: list[Any], names: list[str]) -> jax.Array:
+    arrays = [as_float(one).astype(values.dtype) for one in new]
+    for array, name in zip(arrays, names, strict=True):
+        if array.ndim == 0 or array.shape[-1] != values.shape[-1]:
+            raise ShapeError(f"the motion of frame {name!r} needs arrays [..., {values.shape[-1]}], found shape {array.shape}")
+    batch = jnp.broadcast_shapes(values.shape[:-2], *(array.shape[:-1] for array in arrays))
+    full = jnp.broadcast_to(values, (*batch, *values.shape[-2:]))
+    wide = jnp.stack([jnp.broadcast_to(array, (*batch, array.shape[-1])) for array in arrays], -2)
+    return full.at[..., np.array(rows, np.int32), :].set(wide, mode="promise_in_bounds", unique_indices=True)
 
 
 def _with_row(values: jax.Array, row: int, new: jax.Array, name: str) -> jax.Array:

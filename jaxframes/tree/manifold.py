@@ -1,6 +1,5 @@
 """Joint coordinates as a manifold: moving along rates, differences, random and neutral places, limits."""
 
-import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -9,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import ShapeError
-from jaxframes.staging.arrays import as_float
+from jaxframes.staging.arrays import as_float, widest
 from jaxframes.tree.edges.base import Edge
 from jaxframes.tree.structure import Structure
 
@@ -149,6 +148,6 @@ def _columns(tree: Structure, kind: str) -> np.ndarray | None:
 
 def same_batch(*arrays: jax.Array) -> tuple[jax.Array, ...]:
     """Return arrays [..., k] with one batch shape and one dtype."""
-    dtype = functools.reduce(jnp.promote_types, (a.dtype for a in arrays))
+    dtype = widest(*(a.dtype for a in arrays))
     batch = jnp.broadcast_shapes(*(a.shape[:-1] for a in arrays))
     return tuple(jnp.broadcast_to(a.astype(dtype), (*batch, a.shape[-1])) for a in arrays)

@@ -1,8 +1,8 @@
 """Parameters by name: ``"camera.placement.translation"`` is the translation of the mount of the frame ``camera``.
 
-A parameter is a number that queries depend on and optimisers may change: mounts, axes, pitches, multipliers, coefficients of tables. Its name
-is the frame's, a dot, and the path of fields within the frame's edge. Limits are static, so they are none; they are read and set by the
-same names all the same.
+A parameter is a number that queries depend on and optimisers may change: mounts, axes, pitches, multipliers, coefficients of tables. Its
+name is the frame's, a dot, and the path of fields within the frame's edge. Limits are static, so they are none; they are read and set by
+the same names all the same.
 """
 
 import fnmatch
@@ -70,7 +70,8 @@ class Parameters(Structure):
         """Return a tree with parameters replaced by name; nothing retraces, and derivatives by the values are exact.
 
         Args:
-            values: For each name (as for ``get``) an array-like [..., k] or a value of the same kind; batch axes may lead. Limits are numbers.
+            values: For each name (as for ``get``) an array-like [..., k] or a value of the same kind; batch axes may lead. Limits are plain
+                numbers.
 
         Raises:
             UnknownFrameError: A name begins with no frame's.
@@ -100,7 +101,9 @@ class Parameters(Structure):
             if not any(fits):
                 fits = [fnmatch.fnmatchcase(name, pattern) or fnmatch.fnmatchcase(name, f"{pattern}.*") for name in self._names]
             if not any(fits):
-                raise FrameError(f"no parameter is called {pattern!r} or fits it.{suggest(pattern, self._names)} See tree.parameter_names()")
+                raise FrameError(
+                    f"no parameter is called {pattern!r} or fits it.{suggest(pattern, self._names)} See tree.parameter_names()"
+                )
             chosen = [a or b for a, b in zip(chosen, fits, strict=True)]
         return chosen
 

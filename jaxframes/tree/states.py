@@ -21,7 +21,8 @@ class Stateful(Manifold):
 
         Args:
             q: Joint coordinates [..., nq] in the order of ``joint_names``, or a mapping of joint names to values; joints that
-                are not named rest at zero. rad and m.
+                are not named rest at zero. rad and m. Plain numbers and lists take the tree's dtype, arrays of floats keep theirs, in
+                either form; a query computes in the widest dtype of tree and state.
             qd: Joint rates, likewise [..., nv]. Default: zero.
             qdd: Second derivatives, likewise [..., nv]. Default: zero.
             time: ``Epoch``, or seconds past J2000 TDB [...]. Needed by queries that cross a table.
@@ -119,7 +120,23 @@ class Stateful(Manifold):
             UnknownFrameError: No such frame.
             EdgeError: The frame's edge is none of these.
         """
-        return joints.set_motion(self.topology, state, name, Motion(transform, velocity, acceleration))  # pyright: ignore[reportArgumentType]
+        motion = Motion(transform, velocity, acceleration)  # pyright: ignore[reportArgumentType]
+        return joints.set_motions(self.topology, state, {name: motion})
+
+    def set_motions(self, state: State, motions: Mapping[str, Motion | Transform]) -> State:
+        """Return a state with the motions of many prescribed or attachable frames replaced at once.
+
+        Args:
+            state: The state to start from.
+            motions: For each child frame of a ``Prescribed``, ``Movable`` or ``Attachable`` edge its pose in its parent, or its ``Motion``
+                relative to the parent in the parent's axes, of which what is None stays.
+
+        Raises:
+            UnknownFrameError: No such frame.
+            EdgeError: A frame's edge is none of these.
+            ShapeError: A motion is none, or its arrays do not fit.
+        """
+        return joints.set_motions(self.topology, state, motions)
 
     def coverage(self, state: State) -> Mapping[str, jax.Array]:
         """Return -1 before, 0 inside, +1 after the span of each edge that reads the time, by frame name: int32 [...]."""

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import TopologyError, UnknownJointError, suggest
-from jaxframes.staging.arrays import default_float, is_concrete
+from jaxframes.staging.arrays import default_float, is_concrete, widest
 from jaxframes.tree import grouping
 from jaxframes.tree.edges.base import Edge
 from jaxframes.tree.properties import thaw
@@ -193,4 +193,4 @@ class Structure:
 def float_dtype(leaves: Any) -> Any:
     """Return the promoted float dtype of a pytree's leaves, or JAX's default where there is none."""
     dtypes = {leaf.dtype for leaf in jax.tree.leaves(leaves) if jnp.issubdtype(leaf.dtype, jnp.floating)}
-    return functools.reduce(jnp.promote_types, sorted(dtypes, key=str)) if dtypes else default_float()
+    return widest(*dtypes) if dtypes else default_float()

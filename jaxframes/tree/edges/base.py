@@ -13,6 +13,7 @@ from jaxframes.numerics.components import Component
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
 from jaxframes.spatial import Rotation
+from jaxframes.staging.arrays import unit
 
 KEPT = ("active", "limits", "velocity_limits", "effort_limits")
 """Static fields of joints that no query reads."""
@@ -128,6 +129,19 @@ class Edge:
     def checked_fact(self, name: str, value: Any) -> Any:
         """Return a value for a static field as the constructor would keep it (EdgeError if it cannot)."""
         return value
+
+    def normalized(self) -> Self:
+        """Return the edge with all rotations, and what else lies on a sphere, at unit length: every query reads it so.
+
+        A step of an optimiser off the sphere then distorts no pose, and derivatives are along the sphere.
+        """
+        return jax.tree.map(
+            lambda x: x.replace(wxyz=unit(x.wxyz)) if isinstance(x, Rotation) else x, self, is_leaf=lambda x: isinstance(x, Rotation)
+        )
+
+    def directions(self) -> dict[str, Any]:
+        """Return the unit vectors [..., 3] among the parameters by the names of their fields (for checks)."""
+        return {}
 
     def bare(self) -> "Edge":
         """Return the edge without what no query reads: edges whose bare structures are equal share programs and are stacked."""

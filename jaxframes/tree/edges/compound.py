@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +11,8 @@ from jaxframes.errors import EdgeError
 from jaxframes.numerics.components import V3
 from jaxframes.numerics.steps import Slide, Step, Turn
 from jaxframes.spatial import Transform
-from jaxframes.staging.columns import unit_parameters
+from jaxframes.staging.arrays import unit
+from jaxframes.staging.columns import parameters
 from jaxframes.tree.edges.base import KEPT, Inputs, family
 from jaxframes.tree.edges.shared import AxisJoint, Joint, coordinate, unit_axis
 
@@ -46,6 +47,12 @@ class Compound(Joint):
         object.__setattr__(self, "axes", tuple(unit_axis(axis) for axis in given))
         self._share(placement, limits, velocity_limits, effort_limits, active)
 
+    def normalized(self) -> Self:
+        return super().normalized().replace(axes=tuple(map(unit, self.axes)))
+
+    def directions(self) -> dict[str, Any]:
+        return {f"axes.{i}": axis for i, axis in enumerate(self.axes)}
+
     def angles(self) -> tuple[bool, ...]:
         return self.turning
 
@@ -53,7 +60,7 @@ class Compound(Joint):
         found: list[Step] = []
         placed = self._placed(inputs)
         for i, (turns, axis) in enumerate(zip(self.turning, self.axes, strict=True)):
-            direction, value = V3(*unit_parameters(axis, inputs.batch_rank)), coordinate(inputs, i)
+            direction, value = V3(*parameters(axis, inputs.batch_rank)), coordinate(inputs, i)
             found.append(Turn(direction, value, **placed) if turns else Slide(direction, value, **placed))
             placed = {}
         return tuple(found)
@@ -203,7 +210,7 @@ class Planar(AxisJoint):
         return (False, False, True)
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        n = V3(*unit_parameters(self.axis, inputs.batch_rank))
+        n = V3(*parameters(self.axis, inputs.batch_rank))
         u, v = plane_axes(n)
         first = Slide(u, coordinate(inputs, 0), **self._placed(inputs))
         return first, Slide(v, coordinate(inputs, 1)), Turn(n, coordinate(inputs, 2))

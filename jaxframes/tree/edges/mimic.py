@@ -100,6 +100,12 @@ class Mimic(Edge):
             changes["edge"] = changes.get("edge", self.edge).replace(placement=changes.pop("placement"))
         return super().replace(**changes)
 
+    def normalized(self) -> "Mimic":
+        return self.replace(edge=self.edge.normalized())
+
+    def directions(self) -> dict[str, Any]:
+        return {f"edge.{name}": axis for name, axis in self.edge.directions().items()}
+
     def bare(self) -> "Mimic":
         """Return the edge without limits and without the name that it follows: where the coordinates come from, the topology says."""
         return self.replace(edge=self.edge.bare(), joint="")

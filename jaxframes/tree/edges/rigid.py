@@ -7,7 +7,7 @@ from jaxframes.numerics.components import V3, Quat
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
 from jaxframes.spatial import Transform
-from jaxframes.staging.columns import parameters, unit_parameters
+from jaxframes.staging.columns import parameters
 from jaxframes.tree.edges.base import Edge, Inputs, family
 
 
@@ -22,7 +22,7 @@ def checked_pose(pose: Any, family_name: str) -> Transform:
 
 def placement_components(transform: Transform, batch_rank: int) -> tuple[Quat, V3]:
     """Return the rotation and translation of a parameter as components."""
-    return Quat(*unit_parameters(transform.rotation.wxyz, batch_rank)), V3(*parameters(transform.translation, batch_rank))
+    return Quat(*parameters(transform.rotation.wxyz, batch_rank)), V3(*parameters(transform.translation, batch_rank))
 
 
 @family()

@@ -1,6 +1,6 @@
 """What all joints share: a placement before the motion, limits, and how a user's axes and limits are checked."""
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import jax
 import numpy as np
@@ -9,8 +9,8 @@ from jaxframes.errors import EdgeError
 from jaxframes.numerics.components import V3, Component, mul
 from jaxframes.numerics.steps import Coordinate
 from jaxframes.spatial import Transform
-from jaxframes.staging.arrays import as_float, is_concrete
-from jaxframes.staging.columns import unit_parameters
+from jaxframes.staging.arrays import as_float, is_concrete, unit
+from jaxframes.staging.columns import parameters
 from jaxframes.tree.edges.base import KEPT, Edge, Inputs
 from jaxframes.tree.edges.rigid import placement_components
 
@@ -165,6 +165,12 @@ class AxisJoint(Joint):
         object.__setattr__(self, "axis", unit_axis(axis))
         self._share(placement, limits, velocity_limits, effort_limits, active)
 
+    def normalized(self) -> Self:
+        return super().normalized().replace(axis=unit(self.axis))
+
+    def directions(self) -> dict[str, Any]:
+        return {"axis": self.axis}
+
     def describe(self) -> str:
         """Return the kind and the axis."""
         name = type(self).__name__.lower()
@@ -174,4 +180,4 @@ class AxisJoint(Joint):
         return f"{name} {word}" + " ({:.3g}, {:.3g}, {:.3g})".format(*np.asarray(self.axis, float))
 
     def _parts(self, inputs: Inputs) -> dict[str, Any]:
-        return {"axis": V3(*unit_parameters(self.axis, inputs.batch_rank)), **self._placed(inputs)}
+        return {"axis": V3(*parameters(self.axis, inputs.batch_rank)), **self._placed(inputs)}
