@@ -58,7 +58,18 @@ def reach(context: Context, frames: tuple[int, ...]) -> Reach:
             ahead.extend(topology.candidates[rows[island]])
         wanted[island].add(frame)
     links = tuple(island for island in wanted if island)
-    return Reach(links, {island: frozenset(needed) for island, needed in wanted.items() if needed}, _near(context, frames[0]))
+    return Reach(links, {island: frozenset(needed) for island, needed in wanted.items() if needed}, nearest(context, frames[0]))
+
+
+MANY = 48
+"""Frames in other islands, or candidates in all, from which on a query goes by level: unrolled, each would take its time to compile."""
+
+
+def touches_many(context: Context, frames: tuple[int, ...]) -> bool:
+    """Return whether a query about frames of several islands may touch so many frames that it should go by level."""
+    near = reach(context, frames)
+    depths = context.topology.depths
+    return sum(depths[frame] - depths[island] for island, needed in near.wanted.items() for frame in needed) > MANY
 
 
 def islands_of(context: Context, frames: tuple[int, ...]) -> "Islands":
@@ -214,7 +225,7 @@ def is_one_of(frame: jax.Array, candidates: tuple[int, ...]) -> jax.Array:
     return _choose(frame, [(c, True) for c in candidates], False)
 
 
-def _near(context: Context, frame: int) -> int:
+def nearest(context: Context, frame: int) -> int:
     """Return the frame of the root's island nearest to one: itself, or what it is declared on, link by link."""
     topology = context.topology
     while topology.islands[frame] != 0:

@@ -11,7 +11,7 @@ from jax import lax
 from jaxframes.errors import MissingInputError, NoAccelerationError, ShapeError
 from jaxframes.kinematics.arrays import motion_of
 from jaxframes.kinematics.edge_steps import AnySteps, EdgeSteps, GivenSteps, Kept, PathSteps, Reading, unit_twists
-from jaxframes.numerics.packed import Kind
+from jaxframes.numerics.packed import Kind, Packed
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
 from jaxframes.spatial import Motion
@@ -162,6 +162,11 @@ class Context:
     def held_motions(self) -> tuple[jax.Array, ...]:
         """Return the arrays of the motions that the state holds for prescribed edges, as far as the order asks."""
         return self._leaves(self.state.prescribed)
+
+    def packed_motions(self, held: Motion, kind: Kind) -> Packed:
+        """Return motions that a state holds, leaves [..., n, 4 or 3], as arrays of a kind [*batch, n]."""
+        leaves = [jnp.broadcast_to(leaf, (*kind.shape, leaf.shape[-1])).astype(kind.dtype) for leaf in self._leaves(held)]
+        return tuple(jnp.concatenate(leaves[i : i + 2], -1) for i in range(0, len(leaves), 2))
 
     def _held(self, held: Motion, row: int) -> Rigid:
         """Return one of the motions that a state holds, as far as the order asks."""

@@ -28,18 +28,23 @@ from jaxframes.numerics.steps import Step
 from jaxframes.staging.stages import stage
 from jaxframes.staging.traced_inputs import Operands, Source
 from jaxframes.tree.edges.base import Inputs
+from jaxframes.tree.edges.mimic import Mimic
 from jaxframes.tree.state import State
 from jaxframes.tree.ways import FEWEST
 
 
 def applies(context: Context) -> bool:
-    """Return whether all frames of a tree are worked out by stages: many frames, nothing attachable."""
-    return len(context.topology.names) >= FEWEST and not context.topology.attachables
+    """Return whether all frames of a tree are worked out by stages: there are many."""
+    return len(context.topology.names) >= FEWEST
 
 
 def all_frames(context: Context, observer: int) -> Packed:
-    """Return the motions of all frames relative to one as arrays [*batch, n_frames, k], in order of declaration."""
+    """Return the motions of all frames relative to one as arrays [*batch, n_frames, k], in order of declaration.
+
+    Attachable frames count as lying where the observer does: what hangs on one is given relative to it.
+    """
     parents, turned = plan.rerooted(context.topology.parents, observer)
+    parents[[frame for frame in context.topology.attachables if frame != observer]] = observer
     others = np.delete(np.arange(len(parents)), observer)
     row = np.full(len(parents) + 1, -1)
     row[others] = np.arange(len(others))
@@ -60,15 +65,17 @@ def _accumulated(context: Context, local: Sequence[Packed | Source], stages: pla
     """
     done: list[Packed] = []
     for level, here in zip(stages.levels, local, strict=True):
-        done.append(_composed(context, () if level.above is None else _rows(done[-1], level.above), here, len(level.frames)))
+        done.append(_composed(context, () if level.above is None else rows_of(done[-1], level.above), here, len(level.frames)))
     if not len(stages.starts):
         return done
     inner = plan.staged(stages.parents)
-    ends = _rows(done[-1], stages.starts)
-    starts = _accumulated(context, [_rows(ends, level.frames) for level in inner.levels], inner)
+    ends = rows_of(done[-1], stages.starts)
+    starts = _accumulated(context, [rows_of(ends, level.frames) for level in inner.levels], inner)
     rest = _many(context, 1).packed(AT_REST)
     above = _joined([rest, _gathered(starts, [level.frames for level in inner.levels])])
-    return [_composed(context, _rows(above, level.start), here, len(level.frames)) for level, here in zip(stages.levels, done, strict=True)]
+    return [
+        _composed(context, rows_of(above, level.start), here, len(level.frames)) for level, here in zip(stages.levels, done, strict=True)
+    ]
 
 
 def _many(context: Context, count: int) -> Kind:
@@ -109,7 +116,7 @@ def _local(context: Context, turned: tuple[int, ...], levels: Sequence[np.ndarra
         places.append(at)
     if flipped.any():
         at, whole = np.flatnonzero(flipped), np.argsort(np.concatenate(places))
-        edges = _rows(_joined(parts), whole[at])
+        edges = rows_of(_joined(parts), whole[at])
         places = [*places, at]
         parts.append(stage(lambda edges: _many(context, len(at)).packed(inverse(unpacked(edges), context.order)))(edges))
     rows = np.empty(len(wanted), int)
@@ -117,12 +124,14 @@ def _local(context: Context, turned: tuple[int, ...], levels: Sequence[np.ndarra
     for at in places:
         rows[at] = first + np.arange(len(at))
         first += len(at)
-    found, edges = _rows(_joined(parts), rows), np.cumsum([0, *(len(frames) for frames in levels)])
+    found, edges = rows_of(_joined(parts), rows), np.cumsum([0, *(len(frames) for frames in levels)])
     return [_cut(found, a, b) for a, b in itertools.pairwise(edges.tolist())]
 
 
 def _family_motion(context: Context, group: int, frames: list[int]) -> Packed:
     """Return the motions of edges of one family relative to their parents, [*batch, n_edges, k]."""
+    if frames[0] in context.topology.attachables:
+        return _many(context, len(frames)).packed(AT_REST)
     if not context.topology.stacked[group]:
         return tuple(array[..., None, :] for array in extend((), context.source(frames), context.kind))
     return extend((), _family_source(context, group, frames), _many(context, len(frames)))
@@ -140,15 +149,18 @@ def _family_source(context: Context, group: int, frames: list[int]) -> Source:
         rows = tuple(topology.prescribed[frame] for frame in frames)
         held = tuple(operands.place(leaf) for leaf in context.held_motions())
         return Source(FamilySteps(topology.groups[group], numbers, (), (0, 0), (held, rows), reading), tuple(operands.arrays))
-    state, places = _in_order(context, frames)
+    drivers = [topology.sources[frame] for frame in frames]
+    follows = all(driver >= 0 and topology.sources[driver] < 0 for driver in drivers)
+    follows = follows and len({topology.coordinates[driver][1::2] for driver in drivers}) == 1
+    state, places = _in_order(context, drivers if follows else frames)
     counts = int(places[0, 1]), int(places[0, 3])
     kept = []
     for kind, at in zip(JOINT_FIELDS[: 1 + context.order], (0, 2, 2), strict=False):
         count = int(places[0, at + 1])
         columns = tuple(tuple((places[:, at] + i).tolist()) for i in range(count))
         kept.append((operands.place(getattr(state, kind)) if count else 0, columns))
-    followed = _followed(context, frames, operands)
-    recipe = FamilySteps(topology.groups[group], numbers, tuple(kept), counts, None, reading, followed)
+    followed = () if follows else _followed(context, frames, operands)
+    recipe = FamilySteps(topology.groups[group], numbers, tuple(kept), counts, None, reading, followed, follows)
     return Source(recipe, tuple(operands.arrays))
 
 
@@ -184,7 +196,8 @@ class FamilySteps(StepsRecipe):
         counts: How many coordinates and rates an edge has.
         held: Places of the arrays of motions that a state holds, and each edge's row; None for edges that are not prescribed.
         reading: How arrays are read; the rank counts the axis of edges.
-        followed: Where the coordinates of edges come from that follow others.
+        followed: Where the coordinates of edges come from that follow others which follow in turn.
+        follows: Whether the columns are those of joints that the edges follow.
     """
 
     definition: Any
@@ -194,11 +207,16 @@ class FamilySteps(StepsRecipe):
     held: tuple[tuple[int, ...], tuple[int, ...]] | None
     reading: Reading
     followed: tuple[EdgeSteps, ...] = ()
+    follows: bool = False
 
     def __call__(self, *arrays: jax.Array) -> tuple[Step, ...]:
         """Return the steps."""
         edge = self.reading.edge(jax.tree.unflatten(self.definition, [arrays[place] for place in self.parameters]))
-        return edge.steps(self._inputs(arrays), self.reading.order)
+        inputs = self._inputs(arrays)
+        if self.follows and isinstance(edge, Mimic):
+            q, qd, qdd = edge.follow(inputs.q, inputs.qd, inputs.qdd, self.reading.rank)
+            inputs = inputs._replace(q=q, qd=qd, qdd=qdd)
+        return edge.steps(inputs, self.reading.order)
 
     def _inputs(self, arrays: Sequence[jax.Array]) -> Inputs:
         rank = self.reading.rank
@@ -247,7 +265,7 @@ def _in_order(context: Context, frames: list[int]) -> tuple[State, np.ndarray]:
     return state, arranged
 
 
-def _rows(arrays: Packed, rows: np.ndarray) -> Packed:
+def rows_of(arrays: Packed, rows: np.ndarray) -> Packed:
     """Return some rows of arrays [..., n, k]."""
     return tuple(picked(array, rows, -2) for array in arrays)
 
@@ -265,4 +283,4 @@ def _gathered(levels: Sequence[Packed], frames: Sequence[np.ndarray]) -> Packed:
     if plan.interleaved(frames):
         stacked = (jnp.stack(each, axis=-2) for each in zip(*levels, strict=True))
         return tuple(array.reshape(*array.shape[:-3], -1, array.shape[-1]) for array in stacked)
-    return _rows(_joined(levels), np.argsort(np.concatenate(frames)))
+    return rows_of(_joined(levels), np.argsort(np.concatenate(frames)))

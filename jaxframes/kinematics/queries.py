@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 import jax
 import jax.numpy as jnp
 
-from jaxframes.kinematics import attached, levels, whole
+from jaxframes.kinematics import attached, attached_levels, levels, whole
 from jaxframes.kinematics.arrays import named, of_halves
 from jaxframes.kinematics.attach import attach, attachments_valid
 from jaxframes.kinematics.attached import between
@@ -30,10 +30,18 @@ Value = TypeVar("Value")
 
 def _between(tree: Structure, state: State, of: int, relative_to: int, expressed_in: int, order: int) -> Motion:
     context = Context(tree, state, order)
-    motion = between(context, of, relative_to)
+    motion = _pair(context, of, relative_to)
     if order and expressed_in != relative_to:
-        motion = turned(context, between(Context(tree, state, 0), relative_to, expressed_in), motion)
+        motion = turned(context, _pair(Context(tree, state, 0), relative_to, expressed_in), motion)
     return named(motion)
+
+
+def _pair(context: Context, of: int, relative_to: int) -> Packed:
+    """Return the motion of one frame as another sees it, by level where a query across links may touch many frames."""
+    home = context.topology.islands
+    if home[of] == home[relative_to] or not attached.touches_many(context, (of, relative_to)):
+        return between(context, of, relative_to)
+    return tuple(array[..., of, :] for array in attached_levels.all_frames(context, relative_to))
 
 
 def turned(context: Context, axes: Packed, motion: Packed) -> Packed:
@@ -44,7 +52,8 @@ def turned(context: Context, axes: Packed, motion: Packed) -> Packed:
 def _all_frames(tree: Structure, state: State, relative_to: int, order: int) -> Motion:
     context = Context(tree, state, order)
     if levels.applies(context):
-        return named(levels.all_frames(context, relative_to))
+        way = attached_levels if tree.topology.attachables else levels
+        return named(way.all_frames(context, relative_to))
     if not tree.topology.attachables:
         return of_halves(whole.all_frames(context, relative_to))
     found = attached.all_frames(context, relative_to)

@@ -187,7 +187,7 @@ class Epoch(Ordered):
     @property
     def shape(self) -> tuple[int, ...]:
         """Batch shape."""
-        return np.broadcast_shapes(np.shape(self.hi), np.shape(self.lo))
+        return jnp.broadcast_shapes(np.shape(self.hi), np.shape(self.lo))
 
     def __add__(self, seconds: Any) -> "Epoch":
         """Return the epoch a duration later; nothing of it is lost.

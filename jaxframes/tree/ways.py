@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 from jaxframes.tree.edges.rigid import Fixed
 from jaxframes.tree.topology import Topology
 
-FEWEST = 256
-"""Trees of at least so many frames go by level; smaller ones are unrolled, which runs faster on large batches."""
+FEWEST = 65
+"""Trees of at least so many frames go by level; smaller ones are unrolled, which runs faster on large batches and compiles in a time that
+grows with their frames."""
 SPAN = 10
 """Levels in a segment of a deep tree."""
 LONGEST = {0: 12, 1: 10, 2: 8}
