@@ -163,8 +163,9 @@ class _Extension(Program):
         """
         own = [i for i in sorted(part.numbers) if tangents[i] is not None]
         shape, widths = self.kind.shape, [arrays[i].shape[-1] for i in own]
-        batch = jnp.broadcast_shapes(*(tangents[i].shape[:-1] for i in own))
-        wide = [jnp.broadcast_to(tangents[i], (*batch, width)).astype(self.kind.dtype) for i, width in zip(own, widths, strict=True)]
+        given = [tangent for i in own if (tangent := tangents[i]) is not None]
+        batch = jnp.broadcast_shapes(*(tangent.shape[:-1] for tangent in given))
+        wide = [jnp.broadcast_to(tangent, (*batch, tangent.shape[-1])).astype(self.kind.dtype) for tangent in given]
         columns = jnp.broadcast_to(jnp.concatenate(alike(*wide), -1), (*shape, sum(widths))) if own else None
 
         def work(arrays: Arrays, tangents: Sequence[Any], columns: jax.Array | None, start: Packed, change: Packed) -> Packed:

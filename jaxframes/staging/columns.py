@@ -154,7 +154,7 @@ def _joined_again(cotangents: Sequence[Any], array: Any) -> list[Any]:
 
 def _apart_batched(arguments: Sequence[jax.Array], axes: Sequence[int | None]) -> tuple[Sequence[jax.Array], Sequence[int]]:
     (array,), (axis,) = arguments, axes
-    found = _apart.bind(jnp.moveaxis(array, axis, 0))
+    found = _apart.bind(jnp.moveaxis(array, axis or 0, 0))
     return found, [0] * len(found)
 
 

@@ -122,7 +122,8 @@ def _compiled(operation: Operation) -> Callable[..., Any]:
 
 @OPERATION.def_impl
 def _evaluated(*arrays: jax.Array, operation: Operation) -> Arrays:
-    return operation.compute(*arrays) if jax.config.jax_disable_jit else _compiled(operation)(*arrays)
+    plain = jax.config.jax_disable_jit  # pyright: ignore[reportAttributeAccessIssue]
+    return operation.compute(*arrays) if plain else _compiled(operation)(*arrays)
 
 
 @OPERATION.def_abstract_eval

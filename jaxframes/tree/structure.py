@@ -122,23 +122,24 @@ class Structure:
         return {}
 
     @functools.cached_property
-    def _distinct(self) -> tuple[Edge, ...]:
+    def distinct_edges(self) -> tuple[Edge, ...]:
+        """The edges, each once: a large tree may be made of a few that stand above many frames."""
         return tuple({id(edge): edge for edge in self.frame_edges}.values())
 
     @functools.cached_property
     def is_known(self) -> bool:
         """Whether all numbers of the tree are known, outside any trace."""
-        return all(map(is_concrete, jax.tree.leaves(self._distinct)))
+        return all(map(is_concrete, jax.tree.leaves(self.distinct_edges)))
 
     @functools.cached_property
     def dtype(self) -> Any:
         """Float dtype of the tree's numbers: JAX's default where it has none."""
-        return float_dtype(self._distinct)
+        return float_dtype(self.distinct_edges)
 
     @functools.cached_property
     def batch_shape(self) -> tuple[int, ...]:
         """Batch axes of the tree's own numbers, broadcast: () unless some edges hold a batch of numbers."""
-        leaves = jax.tree.leaves([edge for edge in self._distinct if edge.stacks])
+        leaves = jax.tree.leaves([edge for edge in self.distinct_edges if edge.stacks])
         return np.broadcast_shapes(*{np.shape(leaf)[:-1] for leaf in leaves})
 
     def _below_root(self, name: str, consequence: str) -> int:

@@ -73,7 +73,8 @@ class FrameTree(Parameters, Described, Attaching):
 
     def astype(self, dtype: Any) -> "FrameTree":
         """Return the tree with its float numbers converted, e.g. to compute in float32."""
-        return FrameTree(tuple(edge.astype(dtype) for edge in self.frame_edges), self.topology)
+        converted = {id(edge): edge.astype(dtype) for edge in self.distinct_edges}
+        return FrameTree(tuple(converted[id(edge)] for edge in self.frame_edges), self.topology)
 
     def _with_edges(self, edges: tuple[Edge, ...]) -> "FrameTree":
         return FrameTree(edges, self.topology)
