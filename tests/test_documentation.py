@@ -37,6 +37,16 @@ def test_the_readme_runs_as_written():
 
 
 @pytest.mark.float64
+def test_the_page_on_pipelines_runs_as_written():
+    text = (README.parent / "docs" / "pipeline.md").read_text()
+    scope = {}
+    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
+        exec("\n".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL)), scope)
+    assert scope["mapped"].shape == (2, 3)
+    assert abs(float(scope["step"][2]) + 0.2) < 1e-6  # the camera was moved up by 0.1
+
+
+@pytest.mark.float64
 @pytest.mark.parametrize("name", MODULES)
 def test_docstring_examples(name):
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):

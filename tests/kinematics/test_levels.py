@@ -30,7 +30,7 @@ def test_levels_agree_with_single_queries(rng, dtype):
     assert len(tree.names) >= levels.FEWEST
     motions = jax.jit(lambda t, s: t.world_motions(s))(tree, state)
     poses = jax.jit(lambda s: tree.world_transforms(s))(state)
-    chosen = ("3/f9", "20/f5", "earth", "ssb", "7/f0")
+    chosen = ("3/f9", "6/f5", "earth", "ssb", "7/f0")
     ask = jax.jit(lambda s: [tree.motion(s, of=name, relative_to="ssb") for name in chosen])
     bound = 1e-11 if dtype == np.float64 else 1e-4
     for name, one in zip(chosen, ask(state), strict=True):

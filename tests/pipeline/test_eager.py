@@ -107,9 +107,9 @@ def test_nothing_leaks_and_checks_pass(name):
     gradient = jax.grad(lambda q, t: total(query(q, t)), (0, 1))
     for program, *arguments in ((query, q, t), (gradient, q, t), (jax.vmap(query, in_axes=(0, None)), q[None], t)):
         with jax.checking_leaks():
-            jax.jit(program)(*arguments)
+            jax.jit(program).lower(*arguments)
         with jax.enable_checks(True):
-            jax.jit(lambda *given, program=program: program(*given))(*arguments)
+            jax.jit(lambda *given, program=program: program(*given)).lower(*arguments)
 
 
 def test_what_primitives_keep_is_no_array():

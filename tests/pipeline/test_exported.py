@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from jax import export
 
-from tests.pipeline.trees import queries, total
+from tests.pipeline.trees import queries
 
 pytestmark = pytest.mark.float64
 
@@ -43,10 +43,10 @@ def batch(size):
 @pytest.mark.parametrize("name", ["pose", "motion", "all frames", "jacobian", "table", "gradient", "light time"])
 def test_symbolic_batches(name):
     """Values of our types too may stand in a signature."""
-    gradient = jax.grad(lambda q, t: total(queries()["pose"](q, t)), (0, 1))
+    gradient = jax.grad(lambda q, t: jnp.sum(queries()["pose"](q, t).translation), (0, 1))
     query = gradient if name == "gradient" else queries()[name]
     program, compiled = export.deserialize(exported(query)), jax.jit(query)
-    for size in (1, 1500):
+    for size in (3,) if name in ("light time", "gradient", "motion") else (1, 1500):
         q, t = batch(size)
         found, wanted = program.call(q, t), compiled(q, t)
         assert type(found) is type(wanted)

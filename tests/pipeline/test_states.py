@@ -96,7 +96,7 @@ def test_many_motions_at_once(rng, tol):
     one_by_one = many.set_motion(one_by_one, "load", poses["c3"])
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=tol), found, one_by_one)
     program = jax.jit(lambda t: many.set_motions(many.state(), dict.fromkeys(poses, jf.Transform.from_translation(t))))
-    assert program.lower(jnp.zeros((5, 3))).as_text().count("stablehlo.scatter") == 2  # of quaternions and translations: not one a frame
+    assert program.lower(jnp.zeros((5, 3))).as_text().count('"stablehlo.scatter"(') == 2  # of quaternions and translations: not one a frame
     with pytest.raises(jf.FrameError, match="'a' is not prescribed"):
         TREE.set_motions(TREE.state(), {"a": jf.Transform.identity()})
     with pytest.raises(jf.FrameError, match=r"expected a jf\.Motion"):
@@ -127,7 +127,7 @@ def test_single_precision_tables_under_strict_promotion():
     b.add("earth", parent="emb", edge=tables["earth"])
     b.add("arm", parent="earth", edge=jf.edges.Revolute())
     tree = b.build().astype("float32")
-    for time in (jf.Epoch.from_tdb("2026-02-01"), 8.2e8):
+    for time in (jf.Epoch.from_tdb("2026-02-01"), 8.25e8):
         state = tree.state(q=[0.3], time=time)
         assert jax.config.jax_numpy_dtype_promotion == "strict"
         for program in (lambda s: tree.motion(s, of="arm", relative_to="emb"), tree.world_motions):
