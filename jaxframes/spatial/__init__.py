@@ -1,5 +1,6 @@
 """The values users hold: rotations, poses, velocities, accelerations, motions, twists, wrenches, epochs. Knows no tree."""
 
+from jaxframes.spatial import serialization
 from jaxframes.spatial.batch import concatenate as concatenate
 from jaxframes.spatial.batch import stack as stack
 from jaxframes.spatial.compare import allclose as allclose
@@ -9,7 +10,6 @@ from jaxframes.spatial.delta import integrate_body_first_order as integrate_body
 from jaxframes.spatial.epoch import Epoch as Epoch
 from jaxframes.spatial.motion import Motion as Motion
 from jaxframes.spatial.rotation import Rotation as Rotation
-from jaxframes.spatial.serialization import register as _register
 from jaxframes.spatial.transform import Transform as Transform
 from jaxframes.spatial.twist import Twist as Twist
 from jaxframes.spatial.twist import Wrench as Wrench
@@ -22,4 +22,4 @@ from jaxframes.spatial.velocity import SpatialAcceleration as SpatialAcceleratio
 from jaxframes.spatial.velocity import SpatialVelocity as SpatialVelocity
 from jaxframes.spatial.velocity import phi as phi
 
-_register((Epoch, Motion, Rotation, SpatialAcceleration, SpatialVelocity, Transform, Twist, Wrench))
+serialization.register((Epoch, Motion, Rotation, SpatialAcceleration, SpatialVelocity, Transform, Twist, Wrench))

@@ -95,8 +95,9 @@ def test_many_motions_at_once(rng, tol):
         one_by_one = many.set_motion(one_by_one, name, pose, moving.velocity if name == "c7" else None)
     one_by_one = many.set_motion(one_by_one, "load", poses["c3"])
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=tol), found, one_by_one)
-    program = jax.jit(lambda t: many.set_motions(many.state(), dict.fromkeys(poses, jf.Transform.from_translation(t))))
-    assert program.lower(jnp.zeros((5, 3))).as_text().count('"stablehlo.scatter"(') == 2  # of quaternions and translations: not one a frame
+    pose = jf.Transform.from_translation(jnp.zeros((5, 3)))
+    program = jax.jit(lambda pose: many.set_motions(many.state(), dict.fromkeys(poses, pose)))
+    assert program.lower(pose).as_text().count('"stablehlo.scatter"(') == 2  # of quaternions and translations: not one a frame
     with pytest.raises(jf.FrameError, match="'a' is not prescribed"):
         TREE.set_motions(TREE.state(), {"a": jf.Transform.identity()})
     with pytest.raises(jf.FrameError, match=r"expected a jf\.Motion"):
