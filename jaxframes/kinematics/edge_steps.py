@@ -59,10 +59,6 @@ class Reading:
 class Opened(tuple):
     """Arrays of which each is taken apart once, for all edges that read some of its columns."""
 
-    def __new__(cls, arrays: Sequence[jax.Array]) -> "Opened":
-        """Return arrays to be taken apart."""
-        return super().__new__(cls, arrays)
-
     def __init__(self, arrays: Sequence[jax.Array]):
         self._apart: dict[int, Row] = {}
 

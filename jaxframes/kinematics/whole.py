@@ -51,12 +51,12 @@ def all_frames(context: Context, observer: int) -> Arrays:
     """
     order, operands = moves(context.topology, observer), Operands()
     edges = context.edge_steps([move.edge for move in order], operands, whole=True)
-    ranks = _ranks(edges, len(operands.arrays), context)
+    ranks = _ranks(edges, len(operands.arrays))
     operation = _AllFrames(edges, tuple(order), observer, ranks, context.shape, context.reading)
     return run(operation, *operands.arrays) if operands.arrays else operation.compute()
 
 
-def _ranks(edges: Sequence[AnySteps], count: int, context: Context) -> tuple[int, ...]:
+def _ranks(edges: Sequence[AnySteps], count: int) -> tuple[int, ...]:
     """Return, for each array, how many axes at its end are none of the batch: -1 for the tree's own numbers, none of which are batched."""
     ranks = [0] * count
     for edge in edges:

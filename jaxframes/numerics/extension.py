@@ -115,7 +115,7 @@ class _Extension(Program):
         however long the path.
         """
         moved = {i - self.starts for i, tangent in enumerate(tangents) if tangent is not None}
-        if not self.recipe.numbers & moved:
+        if self.recipe.count == 1 or not self.recipe.numbers & moved:
             return None
         motion, arrays, steps = tuple(primals[: self.starts]), primals[self.starts :], tangents[self.starts :]
         change = self._first(motion, tangents[: self.starts])

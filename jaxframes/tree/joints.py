@@ -60,7 +60,7 @@ def _first_motions(tree: Structure, held: int, dtype: Any) -> Motion:
     motions = _at_rest(held, dtype)
     for frame, row in enumerate(tree.topology.prescribed):
         if row >= 0 and isinstance(edge := tree._edge(frame), Movable):
-            put = lambda a, b, row=row, frame=frame: _with_row(a, row, as_float(b).astype(dtype), tree.names[frame])  # noqa: E731
+            put = lambda a, b, row=row, frame=frame: _with_rows(a, [row], [b], [tree.names[frame]])  # noqa: E731
             motions = motions.replace(transform=jax.tree.map(put, motions.transform, edge.pose))
     return motions
 
@@ -190,11 +190,3 @@ def _with_rows(values: jax.Array, rows: list[int], new: list[Any], names: list[s
     full = jnp.broadcast_to(values, (*batch, *values.shape[-2:]))
     wide = jnp.stack([jnp.broadcast_to(array, (*batch, array.shape[-1])) for array in arrays], -2)
     return full.at[..., np.array(rows, np.int32), :].set(wide, mode="promise_in_bounds", unique_indices=True)
-
-
-def _with_row(values: jax.Array, row: int, new: jax.Array, name: str) -> jax.Array:
-    if new.ndim == 0 or new.shape[-1] != values.shape[-1]:
-        raise ShapeError(f"the motion of frame {name!r} needs arrays [..., {values.shape[-1]}], found shape {new.shape}")
-    batch = jnp.broadcast_shapes(values.shape[:-2], new.shape[:-1])
-    full = jnp.broadcast_to(values, (*batch, *values.shape[-2:]))
-    return full.at[..., row, :].set(jnp.broadcast_to(new, (*batch, new.shape[-1])))

@@ -108,3 +108,17 @@ def test_axes_and_mounts_off_their_spheres_are_read_at_unit_length(dtype, tol):
     )
     axis = TREE.get("left.axis").astype(dtype)
     assert abs(jnp.dot(by_axis(axis), axis, precision="highest")) < tol
+
+
+def test_derivatives_by_numbers_of_large_trees(dtype, tol):
+    """Trees that go by level have them too: those of one path, worked out edge by edge."""
+    b, rng = jf.TreeBuilder(), np.random.default_rng(1)
+    for i in range(72):
+        parent = f"{i - 12}" if i >= 12 else "world"
+        b.add(f"{i}", parent=parent, edge=jf.edges.Revolute(axis=rng.normal(size=3), placement=turned(rng)))
+    tree = b.build().astype(dtype)
+    state = tree.state(q=np.linspace(-1.0, 1.0, 72).astype(dtype))
+    whole = jax.jit(jax.grad(lambda t: jnp.sum(t.world_transforms(state).translation[-1])))(tree)
+    path = jax.jit(jax.grad(lambda t: jnp.sum(t.transform(state, of="71", relative_to="world").translation)))(tree)
+    jax.tree.map(lambda a, c: np.testing.assert_allclose(a, c, atol=20 * tol), whole, path)
+    assert np.abs(whole.get("11.placement.translation")).max() > 0.1
