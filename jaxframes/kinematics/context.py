@@ -1,6 +1,7 @@
 """Context: a tree and a state as edges read them, of one dtype and one batch shape."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -197,6 +198,18 @@ class Context:
             edge, inputs = self.reading.edge(edge.normalized()), own._replace(time=self.time)
             self._given[frame] = edge.steps(inputs, self.order), unit_twists(edge, inputs) if nv else []
         return self._given[frame]
+
+    def together(self, group: int) -> Source:
+        """Return the steps of all edges of a family that reads the time and does not stack, each component [*batch, n_edges]."""
+        members = self.topology.members[group]
+        self.check(members[0])
+        assert self.time is not None
+        hi, lo = (jnp.broadcast_to(part[..., None], (*part.shape, len(members))) for part in self.time)
+        reading = replace(self.reading, rank=len(self.shape) + 1)
+        edge, operands = reading.edge(self.tree.together(group).normalized()), Operands()
+        steps = edge.steps(Inputs(time=(hi, lo), batch_rank=reading.rank), self.order)
+        given = GivenSteps(operands.components(steps), operands.components([]))
+        return Source(PathSteps((given,), reading), tuple(operands.arrays))
 
     def fixed_steps(self, frame: int) -> tuple[Step, ...]:
         """Return the steps of a fixed edge, which reads nothing but its own numbers."""

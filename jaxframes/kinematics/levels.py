@@ -30,12 +30,12 @@ from jaxframes.staging.traced_inputs import Operands, Source
 from jaxframes.tree.edges.base import Inputs
 from jaxframes.tree.edges.mimic import Mimic
 from jaxframes.tree.state import State
-from jaxframes.tree.ways import FEWEST
+from jaxframes.tree.ways import by_level
 
 
 def applies(context: Context) -> bool:
     """Return whether all frames of a tree are worked out by stages: there are many."""
-    return len(context.topology.names) >= FEWEST
+    return by_level(context.topology)
 
 
 def all_frames(context: Context, observer: int) -> Packed:
@@ -133,7 +133,11 @@ def _family_motion(context: Context, group: int, frames: list[int]) -> Packed:
     if frames[0] in context.topology.attachables:
         return _many(context, len(frames)).packed(AT_REST)
     if not context.topology.stacked[group]:
-        return tuple(array[..., None, :] for array in extend((), context.source(frames), context.kind))
+        members = context.topology.members[group]
+        if len(members) == 1:
+            return tuple(array[..., None, :] for array in extend((), context.source(frames), context.kind))
+        found = extend((), context.together(group), _many(context, len(members)))
+        return rows_of(found, np.array([context.topology.locations[frame][1] for frame in frames]))
     return extend((), _family_source(context, group, frames), _many(context, len(frames)))
 
 

@@ -12,7 +12,7 @@ from jaxframes.staging.traced_inputs import Known
 from jaxframes.tree.edges.base import Edge
 from jaxframes.tree.structure import Structure, float_dtype
 from jaxframes.tree.topology import Topology
-from jaxframes.tree.ways import FEWEST
+from jaxframes.tree.ways import by_level
 
 
 @jax.tree_util.register_pytree_node_class
@@ -20,11 +20,11 @@ class StackedTree(Structure):
     """The same tree, its numbers stored by family: a compiled call takes a handful of arrays instead of some for each frame.
 
     Attributes:
-        stacks: For each family its arrays, [..., n_edges, k] where its edges are stacked, else those of its one edge.
+        stacks: For each family its arrays [..., n_edges, k]; where its edges do not stack, one edge (of many, or the only one).
         topology: As in ``FrameTree``.
     """
 
-    def __init__(self, families: tuple[tuple[Any, ...], ...], topology: Topology):
+    def __init__(self, families: tuple[Any, ...], topology: Topology):
         self.stacks, self.topology = families, topology
 
     def tree_flatten(self) -> tuple[tuple[Any, ...], Topology]:
@@ -39,10 +39,14 @@ class StackedTree(Structure):
 
     def _edge(self, frame: int) -> Edge:
         group, row = self.topology.locations[frame]
-        leaves = self.stacks[group]
-        if self.topology.stacked[group]:
-            leaves = tuple(leaf[..., row, :] for leaf in leaves)
-        return jax.tree.unflatten(self.topology.groups[group], leaves)
+        if not self.topology.stacked[group]:
+            edge = self.stacks[group]
+            return edge if len(self.topology.members[group]) == 1 else edge.alone(row)
+        return jax.tree.unflatten(self.topology.groups[group], [leaf[..., row, :] for leaf in self.stacks[group]])
+
+    def together(self, group: int) -> Edge:
+        """Return the edges of a family that does not stack as one edge."""
+        return self.stacks[group]
 
     def numbers(self, frames: Sequence[int]) -> tuple[Any, ...]:
         """Return the numbers of the edges above frames, all of one family, leaf by leaf: arrays [..., n_frames, k]."""
@@ -95,7 +99,7 @@ def as_arguments(tree: Structure) -> tuple[Any, Plan | None]:
     """
     if not tree.is_known:
         return tree, None
-    if len(tree.names) >= FEWEST:
+    if by_level(tree.topology):
         return StackedTree(tree.families, tree.topology), None
     return tree.held("arguments", lambda: _folded(tree))
 

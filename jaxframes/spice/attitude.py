@@ -89,6 +89,7 @@ def _knots(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, o
     """Return the motion between knots; ``AttitudeTable`` says how."""
 
     def work(run: Run, hi: jax.Array, lo: jax.Array) -> jax.Array:
+        run = run.opened(hi.ndim)
         (leg,) = run.legs
         dt_hi, dt_lo = evaluate._local(run, hi, lo)
         row = jnp.moveaxis(rows_at(leg.rows, leg.record(dt_hi, dt_lo)), -1, 0)
@@ -109,6 +110,7 @@ def _series(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, 
     """Return the motion by Cayley series; ``CayleyTable`` says how."""
 
     def work(run: Run, spins: jax.Array, hi: jax.Array, lo: jax.Array, values: Sequence[jax.Array]) -> jax.Array:
+        run = run.opened(hi.ndim)
         (leg,) = run.legs
         dt_hi, dt_lo = evaluate._local(run, hi, lo)
         index = leg.record(dt_hi, dt_lo)
@@ -177,6 +179,7 @@ class CayleyTable(Attitude):
     span: jax.Array
     spins: jax.Array
     info: Info
+    by_record: ClassVar[tuple[str, ...]] = ("spins",)
 
     @property
     def other_bytes(self) -> int:

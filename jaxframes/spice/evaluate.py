@@ -19,7 +19,7 @@ from jax import lax
 from jaxframes.numerics.components import select
 from jaxframes.numerics.eft import recast_pair, two_sum
 from jaxframes.spice.chebyshev import series
-from jaxframes.spice.legs import Leg
+from jaxframes.spice.legs import Leg, of_tables
 from jaxframes.staging.columns import assemble
 from jaxframes.staging.operation import Mapped, Operation
 from jaxframes.staging.operation import run as operate
@@ -49,12 +49,30 @@ class Run:
     reference: jax.Array
     span: jax.Array
 
+    @property
+    def count(self) -> int | None:
+        """How many tables of one kind stand one after the other in the arrays (``reference`` [n, 2] and ``span`` [n, 4] then)."""
+        counts = self.legs[0].counts
+        return None if counts is None else len(counts)
+
+    def opened(self, rank: int, which: jax.Array | None = None) -> "Run":
+        """Return the run as samples read it; that of one table is itself.
+
+        Args:
+            rank: Rank of the samples.
+            which: The table that each sample reads; None where the samples' last axis is over the tables.
+        """
+        if self.count is None:
+            return self
+        facts = (of_tables(values, rank, which) for values in (self.reference, self.span))
+        return Run(tuple(leg.opened(rank, which) for leg in self.legs), *facts)
+
 
 def evaluate(run: Run, hi: Any, lo: Any, order: int, vectors: bool = False) -> Values:
     """Return a table's value and its first ``order`` time derivatives at epochs (hi, lo).
 
     Args:
-        run: The table.
+        run: The table; or many, then the epochs' last axis is over them.
         hi: High parts of the epochs, seconds past J2000 TDB, [...].
         lo: Low parts, broadcast against them.
         order: Highest derivative: 0, 1 or 2; more where gradients are taken.
@@ -112,8 +130,9 @@ class _Evaluation(Operation):
 
     def _computed(self, way: Callable[..., Values], *arrays: jax.Array) -> Values:
         run, hi, lo = self._taken(arrays)
-        values = way(self.order, self.vectors, run, hi.reshape(-1), lo.reshape(-1))
-        return tuple(v.reshape(hi.shape + v.shape[1:]) for v in values)
+        flat = (-1,) if run.count is None else (-1, run.count)
+        values = way(self.order, self.vectors, run, hi.reshape(flat), lo.reshape(flat))
+        return tuple(v.reshape(hi.shape + ((3,) if self.vectors else ())) for v in values)
 
     def derivative(self, primals: Sequence[jax.Array], tangents: Sequence[jax.Array | None]) -> tuple[Values, Sequence[jax.Array | None]]:
         run, hi, lo = self._taken(primals)
@@ -147,7 +166,7 @@ def _by_coefficients(
     """Return the change of the values with the coefficients: the same sums with the coefficients' tangents in their place."""
 
     def work(run: Run, tangents: Sequence[jax.Array | None], hi: jax.Array, lo: jax.Array) -> Sequence[jax.Array]:
-        values = _components(order, run, hi, lo, tangents)
+        values = _components(order, run.opened(hi.ndim), hi, lo, tangents)
         return _vectors(values) if vectors else values
 
     return stage(work)(run, tangents, hi, lo)
@@ -157,7 +176,7 @@ def _plain(order: int, vectors: bool, run: Run, hi: jax.Array, lo: jax.Array) ->
     """Return the values of a batch of any shape at once."""
 
     def work(run: Run, hi: jax.Array, lo: jax.Array) -> Values:
-        values = _components(order, run, hi, lo)
+        values = _components(order, run.opened(hi.ndim), hi, lo)
         return _vectors(values) if vectors else values
 
     return stage(work)(run, hi, lo)
@@ -173,11 +192,12 @@ def _in_blocks(order: int, vectors: bool, run: Run, hi: jax.Array, lo: jax.Array
 
     The last block starts early enough to be whole, so nothing is padded, cut or copied.
     """
-    count = hi.shape[0]
+    count, hi, lo = hi.size, hi.reshape(-1), lo.reshape(-1)
 
     def block(i: jax.Array, out: Values) -> Values:
         at = jnp.minimum(i * BLOCK, count - BLOCK)
-        values = _components(order, run, lax.dynamic_slice(hi, (at,), (BLOCK,)), lax.dynamic_slice(lo, (at,), (BLOCK,)))
+        which = None if run.count is None else (at + lax.iota(at.dtype, BLOCK)) % run.count
+        values = _components(order, run.opened(1, which), lax.dynamic_slice(hi, (at,), (BLOCK,)), lax.dynamic_slice(lo, (at,), (BLOCK,)))
         if not vectors:
             return tuple(lax.dynamic_update_slice_in_dim(o, v, at, 0) for o, v in zip(out, values, strict=True))
         # Column by column: putting vectors together first computes each component three times (measured: 1.3 times the whole).

@@ -32,8 +32,11 @@ class Leg:
         ends: ``[n, 2]``: end of each record in two parts; None where cells are records.
         series: 3 for one series an axis, 6 where velocities have series of their own (SPK type 3).
         compares: Most records that begin within one cell.
+        counts: Records and cells of each table where many stand one after the other in these arrays (``grid`` is [n_tables, 3] then, and
+            ``first`` counts from each table's own first record); None for one table.
         low: ``[n, LOW_TERMS * series + 1]``: what float32 cannot hold of the lowest coefficients and the half length, for
             ``evaluate_two_part``; None in float64.
+        bounds: ``[n_tables, 4]``: first record, records, first cell and cells of each of many tables, int32; None for one table.
     """
 
     rows: jax.Array
@@ -43,6 +46,20 @@ class Leg:
     series: int = field(metadata={"static": True})
     compares: int = field(metadata={"static": True})
     low: jax.Array | None = None
+    counts: tuple[tuple[int, int], ...] | None = field(default=None, metadata={"static": True})
+    bounds: jax.Array | None = None
+
+    def opened(self, rank: int, which: jax.Array | None) -> "Leg":
+        """Return the leg of many tables as samples read it, ``grid`` [3, ...]; one table's leg is itself.
+
+        Args:
+            rank: Rank of the samples.
+            which: The table that each sample reads; None where the samples' last axis is over the tables.
+        """
+        if self.counts is None:
+            return self
+        assert self.bounds is not None
+        return replace(self, grid=of_tables(self.grid, rank, which), bounds=of_tables(self.bounds, rank, which))
 
     @property
     def terms(self) -> int:
@@ -76,23 +93,37 @@ class Leg:
         belongs to the last record.
         """
         origin_hi, origin_lo, width = (self.grid[i] for i in range(3))
-        cells = self.rows.shape[0] if self.first is None else self.first.shape[0]
+        first_row, rows, first_cell, cells = self._bounds
+        uniform = self.first is None or self.ends is None
+        first_cell, cells = (first_row, rows) if uniform else (first_cell, cells)
         position = jnp.floor(((dt_hi - origin_hi) + (dt_lo - origin_lo)) / width)
-        first, last = (np.array(x, position.dtype) for x in (0, cells - 1))
-        cell = _bounded(lax.clamp(first, position, last).astype(jnp.int32), cells)
+        last = cells - 1
+        cell = _bounded(_bounded(position, last.astype(position.dtype)).astype(jnp.int32), last) + first_cell
         if self.first is None or self.ends is None:
             return cell
-        index = rows_at(self.first[:, None], cell)[..., 0].astype(jnp.int32)
+        index = rows_at(self.first[:, None], cell)[..., 0].astype(jnp.int32) + first_row
         for _ in range(self.compares):
             end = rows_at(self.ends, index)
             index = index + (((dt_hi - end[..., 0]) + (dt_lo - end[..., 1])) >= 0).astype(jnp.int32)
-            index = _bounded(index, self.rows.shape[0])
+            index = _bounded(index - first_row, rows - 1) + first_row
         return index
 
+    @property
+    def _bounds(self) -> tuple[Any, Any, Any, Any]:
+        """First record, records, first cell and cells: those of one table, or of the table that each sample reads."""
+        if self.bounds is not None:
+            return tuple(self.bounds[i] for i in range(4))
+        return tuple(map(np.int32, (0, self.rows.shape[0], 0, 0 if self.first is None else self.first.shape[0])))
 
-def _bounded(index: jax.Array, count: int) -> jax.Array:
-    """Return an index within bounds: what a NaN converts to is not defined."""
-    return lax.clamp(np.int32(0), index, np.int32(count - 1))
+
+def of_tables(values: jax.Array, rank: int, which: jax.Array | None) -> jax.Array:
+    """Return numbers [n_tables, k] as samples read them, [k, ...]; None where the samples' last axis is over the tables."""
+    return jnp.moveaxis(lax.expand_dims(values, range(rank - 1)) if which is None else rows_at(values, which), -1, 0)
+
+
+def _bounded(index: jax.Array, last: Any) -> jax.Array:
+    """Return an index between 0 and the last one: what a NaN converts to is not defined."""
+    return lax.clamp(np.zeros((), index.dtype), index, jnp.broadcast_to(last, index.shape) if np.ndim(last) else last)
 
 
 def to_leg(arrays: dict[str, np.ndarray], series: int, compares: int, dtype: Any = None, low: bool = False) -> Leg:

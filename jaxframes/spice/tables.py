@@ -1,6 +1,8 @@
 """Edges made of Chebyshev tables: where a body is, and how a frame is turned."""
 
+import dataclasses
 import functools
+from collections.abc import Hashable, Sequence
 from typing import Any, ClassVar, Self
 
 import jax
@@ -33,10 +35,12 @@ class Table(Edge):
         reference: ``[2]``: reference epoch in two parts, seconds past J2000 TDB.
         span: ``[4]``: start and stop of the coverage, each in two parts, seconds past the reference.
         info: Names, ids, coverage and kernels; static.
+        by_record: Names of the fields beside the legs that hold a row for each record.
     """
 
     stacks: ClassVar[bool] = False
     needs_time: ClassVar[bool] = True
+    by_record: ClassVar[tuple[str, ...]] = ()
     legs: tuple[Leg, ...]
     reference: jax.Array
     span: jax.Array
@@ -66,6 +70,19 @@ class Table(Edge):
         from jaxframes.spice.table_source import TableSource
 
         return place(builder, TableSource(tables or [self]), body, frame)
+
+    def kind(self) -> Hashable:
+        """Return what tables have in common that are evaluated as one, whatever the number of their records."""
+        own = tuple(getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in (*self.parameter_fields(), "info"))  # pyright: ignore[reportArgumentType]
+        legs = tuple((leg.series, leg.rows.shape[-1], leg.rows.dtype.name, leg.first is None, leg.low is None) for leg in self.legs)
+        return type(self), own, legs
+
+    @classmethod
+    def together(cls, edges: Sequence[Edge]) -> Edge:
+        """Return tables of one kind as one edge of many."""
+        from jaxframes.spice.pool import pooled
+
+        return pooled(edges)  # pyright: ignore[reportArgumentType]
 
     @property
     def run(self) -> Run:

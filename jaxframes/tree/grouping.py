@@ -12,10 +12,11 @@ from jaxframes.tree.edges.base import Edge
 
 
 def families(edges: Sequence[Edge]) -> tuple[tuple[Any, ...], tuple[bool, ...], tuple[tuple[int, int], ...]]:
-    """Sort edges into families of equal structure.
+    """Sort edges into families: of equal structure, or of one kind.
 
     Returns:
-        How an edge of each family is put together (a pytree definition), whether the family is stacked, and (family, row) of each edge.
+        How an edge of each family is put together (a pytree definition; that of the first where its edges do not stack), whether the
+        family is stacked, and (family, row) of each edge.
     """
     found: dict[Any, int] = {}
     counts: list[int] = []
@@ -27,7 +28,8 @@ def families(edges: Sequence[Edge]) -> tuple[tuple[Any, ...], tuple[bool, ...], 
         if id(edge) not in known:
             leaves, definition = jax.tree.flatten(edge.bare())
             key = (definition, tuple((np.shape(leaf)[-1:], leaf.dtype.name) for leaf in leaves))
-            known[id(edge)] = definition, key if edge.stacks else position
+            kind = None if edge.stacks else edge.kind()
+            known[id(edge)] = definition, key if edge.stacks else position if kind is None else kind
         definition, key = known[id(edge)]
         if key not in found:
             found[key] = len(definitions)

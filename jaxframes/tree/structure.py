@@ -105,11 +105,20 @@ class Structure:
         return {}
 
     @functools.cached_property
-    def families(self) -> tuple[tuple[Any, ...], ...]:
-        """The numbers of a tree that is known, family by family: stacked arrays, or those of the one edge of a family that is not."""
-        single = (jax.tree.leaves(self._edge(members[0])) for members in self.topology.members)
-        kinds = zip(self.topology.stacked, single, range(len(self.topology.groups)), strict=True)
-        return tuple(tuple(map(jnp.asarray, self._known_family(group))) if on else tuple(leaves) for on, leaves, group in kinds)
+    def families(self) -> tuple[Any, ...]:
+        """The numbers of a tree that is known, family by family: stacked arrays, or one edge where its edges do not stack."""
+
+        def family(group: int, stacked: bool) -> Any:
+            return tuple(map(jnp.asarray, self._known_family(group))) if stacked else jax.tree.map(jnp.asarray, self.together(group))
+
+        return tuple(family(group, stacked) for group, stacked in enumerate(self.topology.stacked))
+
+    def together(self, group: int) -> Edge:
+        """Return the edges of a family that does not stack as one edge: the edge itself where there is one."""
+        edges = [self._edge(frame) for frame in self.topology.members[group]]
+        if len(edges) == 1:
+            return edges[0].bare()
+        return self.held(f"family {group}", lambda: edges[0].together(edges)) if self.is_known else edges[0].together(edges)
 
     def held(self, key: str, make: Callable[[], Any]) -> Any:
         """Return what a function makes, which the tree keeps under a key: made once, gone with the tree."""

@@ -9,6 +9,8 @@ from jaxframes.tree.topology import Topology
 FEWEST = 65
 """Trees of at least so many frames go by level; smaller ones are unrolled, which runs faster on large batches and compiles in a time that
 grows with their frames."""
+MANY_TABLES = 8
+"""Trees with at least so many tables of one kind go by level too: these are evaluated together, and else each is compiled by itself."""
 SPAN = 10
 """Levels in a segment of a deep tree."""
 LONGEST = {0: 12, 1: 10, 2: 8}
@@ -104,17 +106,26 @@ def _side(tree: Any, frames: Sequence[int], order: int) -> str:
     return f"one after another, in {len(pieces)} pieces of up to {PIECE[order]} moving edges"
 
 
+def by_level(topology: Topology) -> bool:
+    """Return whether queries about all frames go by level."""
+    tables = max((len(own) for own, stacked in zip(topology.members, topology.stacked, strict=True) if not stacked), default=0)
+    return len(topology.names) >= FEWEST or tables >= MANY_TABLES
+
+
 def over_all_frames(topology: Topology) -> str:
     """Return text on how a query about all frames is worked out, and why."""
     count, levels = len(topology.names), max(topology.depths) + 1
     kinds = len({group for group, _ in topology.locations if group >= 0})
     head = f"all {count} frames, {levels} levels, {kinds} kinds of edges: "
+    many = f"{FEWEST} frames or more" if count >= FEWEST else f"{MANY_TABLES} tables or more of one kind, which are evaluated together"
+    if topology.attachables and by_level(topology):
+        return head + f"by level; the links of {len(topology.attachables)} attachable frames are composed by pointer doubling ({many})"
     if topology.attachables:
         links = len(topology.attachables)
         return head + f"static parts unrolled, the links of {links} attachable frames composed by pointer doubling (their parents are data)"
-    if count < FEWEST:
+    if not by_level(topology):
         blocks = "; on a CPU a large batch goes block by block, so that all frames of a block stay in the cache"
         return head + f"unrolled outward from the observer, each frame a stage of its own (fewer than {FEWEST} frames{blocks})"
     if is_deep(levels):
-        return head + f"by level in segments of {SPAN} levels, whose starts are again a tree ({FEWEST} frames or more, and deep)"
-    return head + f"by level, all frames of a level at a time ({FEWEST} frames or more, and shallow)"
+        return head + f"by level in segments of {SPAN} levels, whose starts are again a tree ({many}, and deep)"
+    return head + f"by level, all frames of a level at a time ({many}, and shallow)"

@@ -9,17 +9,8 @@ import numpy as np
 import pytest
 
 import jaxframes as jf
+from tests.compilations import compilations
 from tests.pipeline.trees import queries, scene, total, turned
-
-COUNT = []
-jax.monitoring.register_event_duration_secs_listener(lambda name, _, **more: COUNT.append(name.endswith("backend_compile_duration")))
-
-
-def compilations(function, *arguments):
-    """How many programs a call compiles."""
-    before = sum(COUNT)
-    jax.block_until_ready(function(*arguments))
-    return sum(COUNT) - before
 
 
 def arm():

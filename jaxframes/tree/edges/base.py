@@ -2,7 +2,7 @@
 
 import dataclasses
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 
 import jax
@@ -92,6 +92,19 @@ class Edge:
             order: 0 for the pose, 1 with the velocity, 2 with the acceleration.
         """
         raise NotImplementedError(f"{type(self).__name__} does not say its steps")
+
+    def kind(self) -> Hashable | None:
+        """Return what edges have in common that do not stack and yet are evaluated together; None for an edge by itself."""
+        return None
+
+    @classmethod
+    def together(cls, edges: "Sequence[Edge]") -> "Edge":
+        """Return edges of one kind as one, whose components have a last axis over the edges."""
+        raise NotImplementedError(f"{cls.__name__} edges are of no kind that is evaluated together")
+
+    def alone(self, row: int) -> "Edge":
+        """Return one of the edges that ``together`` made one."""
+        raise NotImplementedError(f"{type(self).__name__} is one edge")
 
     def describe(self) -> str:
         """Return the kind of the edge and what tells it from others, in a few words."""
