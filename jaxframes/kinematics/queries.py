@@ -19,7 +19,7 @@ from jaxframes.kinematics.walk import outward
 from jaxframes.numerics.packed import Packed, unpacked
 from jaxframes.numerics.rigid import express
 from jaxframes.spatial import Motion, Transform
-from jaxframes.staging.arrays import is_compiling
+from jaxframes.staging.internals import is_compiling
 from jaxframes.staging.sharding import stacked
 from jaxframes.staging.stages import stage
 from jaxframes.tree.state import State

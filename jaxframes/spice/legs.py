@@ -112,8 +112,8 @@ class Leg:
     def _bounds(self) -> tuple[Any, Any, Any, Any]:
         """First record, records, first cell and cells: those of one table, or of the table that each sample reads."""
         if self.bounds is not None:
-            return tuple(self.bounds[i] for i in range(4))
-        return tuple(map(np.int32, (0, self.rows.shape[0], 0, 0 if self.first is None else self.first.shape[0])))
+            return self.bounds[0], self.bounds[1], self.bounds[2], self.bounds[3]
+        return np.int32(0), np.int32(self.rows.shape[0]), np.int32(0), np.int32(0 if self.first is None else self.first.shape[0])
 
 
 def of_tables(values: jax.Array, rank: int, which: jax.Array | None) -> jax.Array:

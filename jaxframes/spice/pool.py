@@ -61,7 +61,7 @@ def pooled(tables: Sequence[Table]) -> TablePool:
             parts[name] = tuple(_many(legs) for legs in zip(*values, strict=True))
         else:
             parts[name] = _joined(values) if name in first.by_record else _stacked(values)
-    return TablePool(first.replace(**parts), tuple(table.info for table in tables))
+    return TablePool(first.replace(**parts), tuple(table.info for table in tables))  # pyright: ignore[reportCallIssue]
 
 
 def _many(legs: Sequence[Leg]) -> Leg:

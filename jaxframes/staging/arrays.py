@@ -8,17 +8,11 @@ import jax.core
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jax.extend.core import unsafe_am_i_under_a_jit_DO_NOT_USE  # pyright: ignore[reportPrivateImportUsage]
 
 
 def is_concrete(array: Any) -> bool:
     """Whether an array's numbers are known now, outside any trace."""
     return not isinstance(array, jax.core.Tracer)
-
-
-def is_compiling() -> bool:
-    """Whether what is called now becomes part of a larger program, such as a jitted function or the body of a loop."""
-    return unsafe_am_i_under_a_jit_DO_NOT_USE()
 
 
 def default_float() -> Any:

@@ -14,10 +14,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
 from jaxframes.staging.arrays import default_float, is_concrete
+from jaxframes.staging.internals import Primitive
 from jaxframes.staging.sharding import aligned, alike, is_explicit
 
 Component: TypeAlias = jax.Array | float

@@ -8,7 +8,8 @@ import jax
 import jax.core
 import numpy as np
 from jax.experimental.xla_metadata import set_xla_metadata
-from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
+
+from jaxframes.staging.internals import ClosedJaxpr, Jaxpr, Literal
 
 
 class Program:
@@ -23,7 +24,7 @@ class Program:
 
     __slots__ = ("_closed", "_hash", "kinds", "results")
 
-    def __init__(self, closed: ClosedJaxpr):
+    def __init__(self, closed: Any):
         self._closed = closed
         self.kinds, self.results = tuple(closed.in_avals), tuple(closed.out_avals)
         self._hash = hash((self.kinds, self.results, len(closed.jaxpr.eqns)))

@@ -13,9 +13,9 @@ from typing import Any
 import jax
 import jax.core
 import jax.numpy as jnp
-from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
+from jaxframes.staging.internals import Primitive
 from jaxframes.staging.sharding import is_explicit, is_manual
 
 Arrays = Sequence[jax.Array]

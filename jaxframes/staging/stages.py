@@ -18,9 +18,9 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 from jax.experimental.xla_metadata import set_xla_metadata
-from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
+from jaxframes.staging.internals import Primitive
 from jaxframes.staging.jaxprs import Program, program_of
 
 

@@ -55,7 +55,6 @@ def test_numbers_known_while_tracing_stay_known():
 
 PROBE = """
 import jax, jax.numpy as jnp
-import jax.extend  # jax 0.12's own makes programs trace again when it is first imported; nothing of ours may add to that
 traced = []
 def before(x):
     traced.append(1)
