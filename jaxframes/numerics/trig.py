@@ -2,7 +2,7 @@
 
 XLA:CPU calls the scalar library functions for sin and cos, which cost more than all the rest of a joint. The pair here reduces the angle
 twice, by multiples of a large power of two of pi/2 and then of pi/2 itself, with constants cut into parts of few bits so that products are
-exact (Cody and Waite 1980) and differences that keep their rounding (Knuth 1969, two-sum). Then it evaluates the minimax polynomials of
+exact (Cody and Waite 1980) and differences that keep their rounding (Dekker 1971, fast two-sum). Then it evaluates the minimax polynomials of
 fdlibm (Sun Microsystems 1993, ``k_sin.c`` and ``k_cos.c``) or Cephes (Moshier 1992, ``sinf.c``). There is no branch: errors stay below
 1.5 ulp for angles up to ``REACH``, where neighbouring numbers are 1e-4 rad (float64) or 1 rad (float32) apart. Beyond, the answer is NaN.
 """
@@ -155,20 +155,19 @@ def _given_jvp(primals: Any, tangents: Any) -> Any:
 
 def _polynomials(x: jax.Array) -> tuple[jax.Array, jax.Array]:
     name, number = x.dtype.name, np.dtype(x.dtype).type
+    x = select(lax.abs(x) > number(REACH[name]), number(np.nan), x)
     r, lost, rest, _ = _reduced(x, _LARGE[name])
     r, more, least, k = _reduced(r, 1.0)
     # What the first reduction lost may cancel with what is left of the angle: both are exact, so they are added first.
     lost, error = _added(lost)
-    # NaN beyond reach: added, not selected, so that it is in the remainder too.
-    beyond = select(lax.abs(x) > number(REACH[name]), number(np.nan), number(0.0))
-    r = (r + lost) + (functools.reduce(operator.add, (*error, *more)) - (rest + least) + beyond)
+    r = (r + lost) + (functools.reduce(operator.add, (*error, *more)) - (rest + least))
     z = r * r
     s, c = (_horner(table[name], z) for table in (_SIN, _COS))
     s, c = r + r * z * s, 1 - number(0.5) * z + z * z * c
-    quadrant = k.astype(jnp.int32) & 3
-    odd = (quadrant & 1) == 1
+    quadrant = k.astype(jnp.int32)
+    odd = (quadrant & 1) != 0
     s, c = select(odd, c, s), select(odd, s, c)
-    return select(quadrant >= 2, -s, s), select((quadrant == 1) | (quadrant == 2), -c, c)
+    return select((quadrant & 2) != 0, -s, s), select(((quadrant + 1) & 2) != 0, -c, c)
 
 
 def _reduced(x: jax.Array, scale: float) -> tuple[jax.Array, list[jax.Array], jax.Array, jax.Array]:
@@ -187,7 +186,7 @@ def _reduced(x: jax.Array, scale: float) -> tuple[jax.Array, list[jax.Array], ja
 
 
 def _added(parts: list[jax.Array]) -> tuple[jax.Array, list[jax.Array]]:
-    """Return the sum of one or two numbers, and what its rounding leaves out."""
+    """Return the sum of one or two numbers, the larger first, and what its rounding leaves out."""
     if len(parts) == 1:
         return parts[0], []
     total, error = _less(parts[0], -parts[1])
@@ -195,10 +194,12 @@ def _added(parts: list[jax.Array]) -> tuple[jax.Array, list[jax.Array]]:
 
 
 def _less(a: jax.Array, b: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Return a - b rounded, and what the rounding leaves out."""
+    """Return a - b rounded, and what the rounding leaves out, where a is larger or a whole multiple of the last digit of b.
+
+    Every angle that is reduced is a multiple of the last digit of what is taken off next: the parts of pi/2 are that far apart.
+    """
     s = a - b
-    v = s - a
-    return s, (a - (s - v)) - (b + v)
+    return s, (a - s) - b
 
 
 def _horner(coefficients: tuple[float, ...], z: jax.Array) -> jax.Array:
