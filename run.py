@@ -19,6 +19,7 @@ MINIMUM = (3, 11)
 VERBS = {
     "demo": "run the demonstration on the data that ships with the package (arguments go to `jaxframes demo`)",
     "test": "run the whole test suite, in float64 and then in float32 (arguments go to pytest)",
+    "newest": "run the whole test suite on the newest jax there is, in an environment of its own, .venv-newest (arguments go to pytest)",
     "check": "run the formatter check, the linter and the type checker",
     "bench": "run a benchmark by its name in benchmarks/, e.g. `bench spice_tables`",
     "setup": "only make the environment",
@@ -26,9 +27,9 @@ VERBS = {
 }
 
 
-def environment_dir() -> Path:
+def environment_dir(verb: str) -> Path:
     """Return the folder of the virtual environment (``JAXFRAMES_VENV`` names another one)."""
-    return Path(os.environ.get("JAXFRAMES_VENV", ROOT / ".venv")).resolve()
+    return Path(os.environ.get("JAXFRAMES_VENV", ROOT / (".venv-newest" if verb == "newest" else ".venv"))).resolve()
 
 
 def interpreter(venv: Path) -> Path:
@@ -60,12 +61,23 @@ def require_venv() -> None:
         )
 
 
-def set_up() -> Path:
+def set_up(verb: str) -> Path:
     """Make or refresh the environment and return its Python."""
-    venv, stamp = environment_dir(), fingerprint()
+    venv, stamp = environment_dir(verb), fingerprint()
     python, mark = interpreter(venv), venv / ".jaxframes-stamp"
-    if python.exists() and mark.exists() and mark.read_text() == stamp:
-        return python
+    if not (python.exists() and mark.exists() and mark.read_text() == stamp):
+        make(venv, python)
+        mark.write_text(stamp)
+    if verb == "newest":  # beyond the lock file, and beyond the versions that pyproject.toml allows
+        newest = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--upgrade", "jax", "jaxlib"]
+        if subprocess.run(newest).returncode:
+            fail(f"this step failed: {' '.join(newest)}")
+        subprocess.run([str(python), "-c", "import jax, jaxlib; print(f'jax {jax.__version__}, jaxlib {jaxlib.__version__}', flush=True)"])
+    return python
+
+
+def make(venv: Path, python: Path) -> None:
+    """Make the environment anew from the lock file."""
     require_venv()
     print(f"run.py: making {venv} (first run, or the requirements changed); this downloads about 600 MB once", file=sys.stderr)
     shutil.rmtree(venv, ignore_errors=True)
@@ -77,8 +89,6 @@ def set_up() -> Path:
     ):
         if subprocess.run(command).returncode:
             fail(f"this step failed: {' '.join(command)}\nThe messages above say why; a network is needed. Then run this again.")
-    mark.write_text(stamp)
-    return python
 
 
 def commands(verb: str, python: Path, arguments: list[str]) -> list[list[str]]:
@@ -86,7 +96,7 @@ def commands(verb: str, python: Path, arguments: list[str]) -> list[list[str]]:
     py = str(python)
     if verb == "demo":
         return [[py, "-m", "jaxframes", "demo", *arguments]]
-    if verb == "test":
+    if verb in ("test", "newest"):
         return [[py, "-m", "pytest", "-n", "auto", "--precision", precision, *arguments] for precision in ("float64", "float32")]
     if verb == "check":
         return [
@@ -115,8 +125,8 @@ def main() -> int:
     parser.add_argument("verb", choices=VERBS, metavar="verb", help="what to do (listed below)")
     parser.add_argument("arguments", nargs=argparse.REMAINDER, help="passed on to what the verb runs")
     options = parser.parse_args()
-    for command in commands(options.verb, set_up(), options.arguments):
-        code = subprocess.run(command, cwd=ROOT if options.verb in ("test", "check") else None).returncode
+    for command in commands(options.verb, set_up(options.verb), options.arguments):
+        code = subprocess.run(command, cwd=ROOT if options.verb in ("test", "newest", "check") else None).returncode
         if code:
             return code
     return 0
