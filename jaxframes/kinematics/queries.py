@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 import jax
 import jax.numpy as jnp
 
-from jaxframes.kinematics import attached, attached_levels, levels, whole
+from jaxframes.kinematics import attached, attached_levels, level_blocks, levels, whole
 from jaxframes.kinematics.arrays import named, of_halves
 from jaxframes.kinematics.attach import attach, attachments_valid
 from jaxframes.kinematics.attached import between
@@ -52,8 +52,9 @@ def turned(context: Context, axes: Packed, motion: Packed) -> Packed:
 def _all_frames(tree: Structure, state: State, relative_to: int, order: int) -> Motion:
     context = Context(tree, state, order)
     if levels.applies(context):
-        way = attached_levels if tree.topology.attachables else levels
-        return named(way.all_frames(context, relative_to))
+        if tree.topology.attachables:
+            return named(attached_levels.all_frames(context, relative_to))
+        return of_halves(level_blocks.all_frames(context, relative_to))
     if not tree.topology.attachables:
         return of_halves(whole.all_frames(context, relative_to))
     found = attached.all_frames(context, relative_to)

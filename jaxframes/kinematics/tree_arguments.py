@@ -12,7 +12,7 @@ from jaxframes.staging.traced_inputs import Known
 from jaxframes.tree.edges.base import Edge
 from jaxframes.tree.structure import Structure, float_dtype
 from jaxframes.tree.topology import Topology
-from jaxframes.tree.ways import by_level
+from jaxframes.tree.ways import LARGE, by_level
 
 
 @jax.tree_util.register_pytree_node_class
@@ -72,6 +72,14 @@ class StackedTree(Structure):
         return float_dtype(self.stacks)
 
 
+def stacked(tree: Structure) -> StackedTree:
+    """Return a tree with its numbers stored by family, traced or known (then as NumPy arrays)."""
+    if isinstance(tree, StackedTree):
+        return tree
+    kinds = zip(tree.topology.stacked, tree.topology.members, strict=True)
+    return StackedTree(tuple(tree.numbers(members) if on else tree.together(i) for i, (on, members) in enumerate(kinds)), tree.topology)
+
+
 class Plan:
     """How a tree is put together of arguments: its structure, and the numbers that are part of the program; hashable, equal by value."""
 
@@ -99,7 +107,7 @@ def as_arguments(tree: Structure) -> tuple[Any, Plan | None]:
     """
     if not tree.is_known:
         return tree, None
-    if by_level(tree.topology):
+    if len(tree.names) >= LARGE or (by_level(tree.topology) and not all(tree.topology.stacked)):
         return StackedTree(tree.families, tree.topology), None
     return tree.held("arguments", lambda: _folded(tree))
 

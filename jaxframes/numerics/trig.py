@@ -2,9 +2,10 @@
 
 XLA:CPU calls the scalar library functions for sin and cos, which cost more than all the rest of a joint. The pair here reduces the angle
 twice, by multiples of a large power of two of pi/2 and then of pi/2 itself, with constants cut into parts of few bits so that products are
-exact (Cody and Waite 1980) and differences that keep their rounding (Dekker 1971, fast two-sum). Then it evaluates the minimax polynomials of
-fdlibm (Sun Microsystems 1993, ``k_sin.c`` and ``k_cos.c``) or Cephes (Moshier 1992, ``sinf.c``). There is no branch: errors stay below
-1.5 ulp for angles up to ``REACH``, where neighbouring numbers are 1e-4 rad (float64) or 1 rad (float32) apart. Beyond, the answer is NaN.
+exact (Cody and Waite 1980) and differences that keep their rounding (Dekker 1971, fast two-sum). Then it evaluates the minimax
+polynomials of fdlibm (Sun Microsystems 1993, ``k_sin.c`` and ``k_cos.c``) or Cephes (Moshier 1992, ``sinf.c``). There is no branch: errors
+stay below 1.5 ulp for angles up to ``REACH``, where neighbouring numbers are 1e-4 rad (float64) or 1 rad (float32) apart. Beyond, the
+answer is NaN.
 """
 
 import functools

@@ -15,7 +15,7 @@ from jaxframes.tree.grouping import families, strengthened
 from jaxframes.tree.properties import Properties, freeze, thaw
 from jaxframes.tree.topology import Topology
 from jaxframes.tree.tree import FrameTree
-from jaxframes.tree.ways import FEWEST
+from jaxframes.tree.ways import LARGE
 
 
 class TreeBuilder:
@@ -245,7 +245,7 @@ class TreeBuilder:
         given = {id(edge): edge for edge in self._edges.values()}
         strong = {key: strengthened(edge) for key, edge in given.items()}
         edges = [strong[id(self._edges[name])] for name in names[1:]]
-        if len(given) < len(edges) < FEWEST:  # one edge above several frames: each gets arrays of its own, so that the tree can be donated
+        if len(given) < len(edges) < LARGE:  # one edge above several frames: each gets arrays of its own, so that the tree can be donated
             edges = [jax.tree.map(jnp.copy, edge) for edge in edges]
         groups, stacked, locations = families(edges)
         joints = [name for name in self._joints if self._edges[name].nq]

@@ -6,9 +6,12 @@ from typing import Any, NamedTuple
 from jaxframes.tree.edges.rigid import Fixed
 from jaxframes.tree.topology import Topology
 
-FEWEST = 65
-"""Trees of at least so many frames go by level; smaller ones are unrolled, which runs faster on large batches and compiles in a time that
-grows with their frames."""
+FEWEST = 20
+"""Trees of at least so many frames go by level; smaller ones are unrolled, which runs up to twice as fast on large batches and compiles in
+a time that grows with their frames."""
+LARGE = 65
+"""Trees of at least so many frames are handed to compiled queries with their numbers stacked by family, and go by level with attachable
+frames too."""
 MANY_TABLES = 8
 """Trees with at least so many tables of one kind go by level too: these are evaluated together, and else each is compiled by itself."""
 SPAN = 10
@@ -109,7 +112,7 @@ def _side(tree: Any, frames: Sequence[int], order: int) -> str:
 def by_level(topology: Topology) -> bool:
     """Return whether queries about all frames go by level."""
     tables = max((len(own) for own, stacked in zip(topology.members, topology.stacked, strict=True) if not stacked), default=0)
-    return len(topology.names) >= FEWEST or tables >= MANY_TABLES
+    return len(topology.names) >= (LARGE if topology.attachables else FEWEST) or tables >= MANY_TABLES
 
 
 def over_all_frames(topology: Topology) -> str:
@@ -117,7 +120,8 @@ def over_all_frames(topology: Topology) -> str:
     count, levels = len(topology.names), max(topology.depths) + 1
     kinds = len({group for group, _ in topology.locations if group >= 0})
     head = f"all {count} frames, {levels} levels, {kinds} kinds of edges: "
-    many = f"{FEWEST} frames or more" if count >= FEWEST else f"{MANY_TABLES} tables or more of one kind, which are evaluated together"
+    fewest = LARGE if topology.attachables else FEWEST
+    many = f"{fewest} frames or more" if count >= fewest else f"{MANY_TABLES} tables or more of one kind, which are evaluated together"
     if topology.attachables and by_level(topology):
         return head + f"by level; the links of {len(topology.attachables)} attachable frames are composed by pointer doubling ({many})"
     if topology.attachables:

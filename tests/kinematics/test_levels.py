@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import jaxframes as jf
+from jaxframes.kinematics.level_blocks import BLOCK
 from jaxframes.tree import ways
 from tests.random_trees import parts, random_tree
 
@@ -15,7 +16,7 @@ def bushy_tree(rng, dtype):
     tree, state, _ = random_tree(rng, 9, dtype)
     b = jf.TreeBuilder(root="ssb")
     b.add("earth", parent="ssb", edge=jf.spice.example_tables()["earth"])
-    copies = ways.FEWEST // 9 + 1
+    copies = 8
     for i in range(copies):
         b.include(tree, parent="earth", prefix=f"{i}/")
     whole = b.build()
@@ -61,3 +62,39 @@ def test_gradients_by_level_agree_with_the_jacobian(rng, dtype):
     place = lambda q: tree.world_transforms(state.replace(q=q)).translation[tree.topology.index(name)]
     jacobian = tree.jacobian(state, of=name, relative_to="ssb")[3:]
     np.testing.assert_allclose(jax.jit(jax.jacrev(place))(state.q), jacobian, atol=1e-9)
+
+
+@pytest.mark.parametrize("count", [BLOCK, BLOCK + 1, 2 * BLOCK + 3])
+def test_blocks_of_a_batch_are_as_its_samples(count, rng, dtype, tol):
+    """Large batches go in blocks: with batch axes of every shape, fields that have none, under vmap, and with derivatives."""
+    tree, state = bushy_tree(rng, dtype)
+    scale = jnp.linspace(0.0, 1.0, count, dtype=dtype)
+    many = state.replace(q=state.q[None] * scale[:, None], time=state.time + scale * 1e5)
+    whole = jax.jit(tree.world_motions)(many)
+    picked = np.array([0, BLOCK // 2, BLOCK - 1, count - 2, count - 1])
+    ask = jax.jit(tree.world_motions)
+    for i in picked:
+        one = ask(state.replace(q=state.q * scale[i], time=state.time + scale[i] * 1e5))
+        for mine, other in zip(jax.tree.leaves(whole), jax.tree.leaves(one), strict=True):
+            np.testing.assert_allclose(mine[i], other, rtol=0, atol=tol * max(1.0, float(np.abs(other).max())))
+    over = jax.jit(jax.vmap(tree.world_motions, in_axes=(many.prefix("q", "time"),)))(many)
+    for mine, other in zip(jax.tree.leaves(over), jax.tree.leaves(whole), strict=True):
+        np.testing.assert_allclose(mine, other, rtol=0, atol=tol * max(1.0, float(np.abs(other).max())))
+    if count == BLOCK + 1:
+        folded = jax.tree.map(lambda a: a.reshape(3, -1, *a.shape[1:]), (many.q, many.time))
+        shaped = jax.jit(tree.world_motions)(state.replace(q=folded[0], time=folded[1]))
+        np.testing.assert_allclose(
+            shaped.transform.translation.reshape(whole.transform.translation.shape), whole.transform.translation, rtol=1e-6
+        )
+
+
+@pytest.mark.float64
+def test_gradients_of_blocked_batches_by_level(rng):
+    tree, state = bushy_tree(rng, np.float64)
+    scale = jnp.linspace(0.0, 1.0, BLOCK + 7)
+    loss = lambda q: jnp.sum(tree.world_transforms(state.replace(q=q)).translation[..., 5:, :] ** 2)
+    many = state.q[None] * scale[:, None]
+    gradient = jax.jit(jax.grad(loss))(many)
+    for i in (0, BLOCK - 1, BLOCK + 6):
+        exact = jax.jit(jax.grad(loss))(many[i])
+        np.testing.assert_allclose(gradient[i], exact, atol=1e-11 * float(np.abs(exact).max()))

@@ -1,0 +1,124 @@
+"""All frames by level as one operation: on a CPU a large batch goes block after block, so that what a level leaves stays in the cache.
+
+Measured on a robot of 60 frames (poses, 65 536 samples, float64, two cores): 7.5 us a sample level by level over the whole batch, 2.4 in
+blocks. Unrolled frame by frame it takes 2.7, and ten to forty times as long to compile.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from jaxframes.kinematics import levels
+from jaxframes.kinematics.arrays import halves
+from jaxframes.kinematics.context import Context
+from jaxframes.kinematics.rates import batch_of
+from jaxframes.kinematics.tree_arguments import stacked
+from jaxframes.staging.operation import Arrays, Operation, run, with_changes
+from jaxframes.staging.sharding import is_large, like, may_block
+
+BLOCK = 512
+"""Samples a block on CPU."""
+TAIL = {"q": 1, "qd": 1, "qdd": 1, "time": 0, "prescribed": 2}
+"""Axes at the end of each field of a state that are none of the batch."""
+
+
+def all_frames(context: Context, observer: int) -> Arrays:
+    """Return the motions of all frames relative to one as arrays [*batch, n_frames, 4 or 3], in a tree without attachable frames.
+
+    Returns:
+        Quaternion and translation; the two halves of the velocity; those of the acceleration.
+    """
+    tree = stacked(context.tree)
+    numbers, kind = jax.tree.flatten(tree)
+    state, form = jax.tree.flatten(context.state)
+    tails = jax.tree.leaves(jax.tree_util.tree_map_with_path(lambda path, _: TAIL[path[0].name], context.state))
+    results = tuple((len(tree.names), size) for size in (4, 3, 3, 3, 3, 3)[: 2 + 2 * context.order])
+    ranks = (*[-1] * len(numbers), *tails)
+    dtype = jnp.dtype(context.dtype).name
+    operation = _ByLevel(kind, form, ranks, context.shape, context.order, observer, results, dtype, bool(tree.batch_shape))
+    return run(operation, *map(jnp.asarray, (*numbers, *state)))
+
+
+@dataclass(frozen=True)
+class _ByLevel(Operation):
+    """The operation, of a tree's numbers and a state's arrays.
+
+    Attributes:
+        tree: How the tree is put together of its numbers (a pytree definition).
+        state: Likewise the state.
+        ranks: For each array, how many axes at its end are none of the batch; -1 for numbers of the tree.
+        shape: Batch shape.
+        order: 0 for poses, 1 with velocities, 2 with accelerations.
+        observer: The frame that everything is relative to.
+        rows: Frames and numbers a frame of each result.
+        dtype: Name of the results' float dtype.
+        has_batch_of_trees: Whether the tree's own numbers have batch axes.
+    """
+
+    tree: Any
+    state: Any
+    ranks: tuple[int, ...]
+    shape: tuple[int, ...]
+    order: int
+    observer: int
+    rows: tuple[tuple[int, int], ...]
+    dtype: str
+    has_batch_of_trees: bool
+
+    def results(self, *arrays: Any) -> list[jax.ShapeDtypeStruct]:
+        return [jax.ShapeDtypeStruct((*self.shape, *row), self.dtype) for row in self.rows]
+
+    def compute(self, *arrays: jax.Array) -> Arrays:
+        """Return the results for the whole batch at once."""
+        count = self.tree.num_leaves
+        tree, state = jax.tree.unflatten(self.tree, arrays[:count]), jax.tree.unflatten(self.state, arrays[count:])
+        packed = levels.all_frames(Context(tree, state, self.order), self.observer)
+        return tuple(half for whole in packed for half in halves(whole))
+
+    def compute_on_cpu(self, *arrays: jax.Array) -> Arrays:
+        if self.has_batch_of_trees or not is_large(self.shape, BLOCK) or not all(map(may_block, arrays)):
+            return self.compute(*arrays)
+        return self._in_blocks(*arrays)
+
+    def _in_blocks(self, *arrays: jax.Array) -> Arrays:
+        """Return the same, block after block. The last block starts early enough to be whole."""
+        count = math.prod(self.shape)
+        flat = [self._flat(a, rank) for a, rank in zip(arrays, self.ranks, strict=True)]
+        inner = replace(self, shape=(BLOCK,))
+
+        def block(i: jax.Array, out: Arrays) -> Arrays:
+            at = jnp.minimum(i * BLOCK, count - BLOCK)
+            own = (lax.dynamic_slice_in_dim(a, at, BLOCK) if is_batch else a for a, is_batch in flat)
+            return tuple(lax.dynamic_update_slice_in_dim(o, part, at, 0) for o, part in zip(out, inner.compute(*own), strict=True))
+
+        # Zeros, though all are written over: this is where memory new to the process is first touched, by several threads.
+        start = tuple(like(jnp.zeros((count, *row), self.dtype), *arrays) for row in self.rows)
+        whole = lax.fori_loop(0, -(-count // BLOCK), block, start)
+        return tuple(w.reshape(*self.shape, *row) for w, row in zip(whole, self.rows, strict=True))
+
+    def _flat(self, array: jax.Array, rank: int) -> tuple[jax.Array, bool]:
+        """Return an array with its batch axes as one, and True; or without batch axes, and False, where it is the same for all samples."""
+        if rank < 0:
+            return array, False
+        tail = array.shape[array.ndim - rank :]
+        if math.prod(batch_of(array, rank)) == 1:
+            return array.reshape(tail), False
+        return jnp.broadcast_to(array, (*self.shape, *tail)).reshape(-1, *tail), True
+
+    def derivative(self, primals: Arrays, tangents: Sequence[jax.Array | None]) -> tuple[Arrays, Arrays]:
+        return with_changes(self.compute, primals, tangents)
+
+    def mapped(self, count: int, axes: tuple[int | None, ...], *arrays: jax.Array) -> Arrays:
+        """Take a vmapped axis as a further batch axis, unless trees differ."""
+        if any(axis is not None and rank < 0 for axis, rank in zip(axes, self.ranks, strict=True)):
+            return super().mapped(count, axes, *arrays)
+        aligned = []
+        for array, axis, rank in zip(arrays, axes, self.ranks, strict=True):
+            missing = len(self.shape) - (array.ndim - rank - 1)
+            aligned.append(array if axis is None else lax.expand_dims(array, range(1, 1 + missing)))
+        return run(replace(self, shape=(count, *self.shape)), *aligned)
