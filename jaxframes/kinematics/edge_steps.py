@@ -216,6 +216,19 @@ class PathSteps(StepsRecipe):
         """How many edges make the steps."""
         return len(self.edges)
 
+    def tails(self, count: int) -> tuple[int, ...]:
+        """Return, for each of so many arrays, how many axes at its end are none of the batch."""
+        found = [0] * count
+        for edge in self.edges:
+            for place in edge.numbers:
+                found[place] = 1
+            if isinstance(edge, EdgeSteps):
+                for kept in edge.kept:
+                    found[kept.place] = 1 if kept.count else found[kept.place]
+                for place in edge.held[0] if edge.held else ():
+                    found[place] = 2
+        return tuple(found)
+
     def part(self, first: int, last: int) -> "tuple[PathSteps, tuple[int, ...]]":
         """Return the recipe for some of the edges, and the places of the arrays that these read."""
         edges = self.edges[first:last]

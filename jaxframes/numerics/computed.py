@@ -12,6 +12,7 @@ from typing import Any
 import jax
 
 from jaxframes.numerics.trig import Half, given_pairs, sin_cos, sin_cos_of
+from jaxframes.staging.blocks import Batch, Work, worked
 from jaxframes.staging.operation import Arrays, Operation, changes_of, run
 from jaxframes.staging.stages import stage
 
@@ -42,9 +43,21 @@ class Program:
         """Return the change of the results: that of the arithmetic, unless something better is known."""
         return changes_of(lambda *arrays: tuple(self.values(pair, *arrays)), primals, tangents)
 
-    def change_by_numbers(self, primals: Arrays, tangents: Sequence[jax.Array | None]) -> Arrays | None:
-        """Return the change of the results where too many inputs change for one stage, worked out in several; None elsewhere."""
+    def takes_numbers(self, moved: frozenset[int]) -> bool:
+        """Whether so many inputs are among those that change that one stage is too small for the change of the results."""
+        return False
+
+    def change_by_numbers(self, primals: Arrays, tangents: Sequence[jax.Array | None]) -> Arrays:
+        """Return the change of the results where too many inputs change for one stage, worked out in several."""
+        raise NotImplementedError
+
+    def batch(self, arrays: Arrays) -> tuple[bool, ...] | None:
+        """Return which arrays have the batch as their leading axis; None where there is no batch of one axis."""
         return None
+
+    def sized(self, count: int) -> "Program":
+        """Return the program for a batch of another size."""
+        raise NotImplementedError
 
 
 def computed(program: Program, *arrays: jax.Array) -> tuple[jax.Array, ...]:
@@ -65,11 +78,38 @@ class _Computed(Operation):
         return self.program.results
 
     def derivative(self, primals: Arrays, tangents: Sequence[jax.Array | None]) -> tuple[Arrays, Arrays]:
-        changes = self.program.change_by_numbers(primals, tangents)
-        if changes is not None:
-            return run(self, *primals), changes
+        moved = tuple(i for i, tangent in enumerate(tangents) if tangent is not None)
+        if self.program.takes_numbers(frozenset(moved)):
+            along, given = self.program.batch(primals), [tangent for tangent in tangents if tangent is not None]
+            batch = None
+            if along is not None:
+                results = self.program.results
+                batch = Batch(results[0].shape[0], (*along, *(along[i] for i in moved)), (True,) * len(results))
+            return run(self, *primals), worked(_ByNumbers(self.program, moved, along), batch, *primals, *given)
         pairs = sin_cos_of(_Angles(self.program), *primals) if self.program.has_angles else ()
         return _WithPairs(self.program, len(primals)).derivative((*primals, *pairs), (*tangents, *(None for _ in pairs)))
+
+
+@dataclass(frozen=True)
+class _ByNumbers(Work):
+    """The change of a program's results by too many inputs for one stage: of the inputs, then the tangents of some of them.
+
+    Attributes:
+        program: The program.
+        moved: Those inputs.
+        along: Which inputs have the batch as their leading axis; None without such a batch.
+    """
+
+    program: Program
+    moved: tuple[int, ...]
+    along: tuple[bool, ...] | None
+
+    def __call__(self, *arrays: jax.Array) -> Arrays:
+        """Return the changes."""
+        count = len(arrays) - len(self.moved)
+        primals, tangents = arrays[:count], dict(zip(self.moved, arrays[count:], strict=True))
+        program = self.program if self.along is None else self.program.sized(arrays[self.along.index(True)].shape[0])
+        return program.change_by_numbers(primals, [tangents.get(i) for i in range(count)])
 
 
 @dataclass(frozen=True)
