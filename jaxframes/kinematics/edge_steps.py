@@ -218,16 +218,7 @@ class PathSteps(StepsRecipe):
 
     def tails(self, count: int) -> tuple[int, ...]:
         """Return, for each of so many arrays, how many axes at its end are none of the batch."""
-        found = [0] * count
-        for edge in self.edges:
-            for place in edge.numbers:
-                found[place] = 1
-            if isinstance(edge, EdgeSteps):
-                for kept in edge.kept:
-                    found[kept.place] = 1 if kept.count else found[kept.place]
-                for place in edge.held[0] if edge.held else ():
-                    found[place] = 2
-        return tuple(found)
+        return tails(self.edges, count, of_numbers=1)
 
     def part(self, first: int, last: int) -> "tuple[PathSteps, tuple[int, ...]]":
         """Return the recipe for some of the edges, and the places of the arrays that these read."""
@@ -235,3 +226,23 @@ class PathSteps(StepsRecipe):
         places = tuple(sorted(frozenset().union(*(edge.places for edge in edges))))
         moved = {place: i for i, place in enumerate(places)}
         return PathSteps(tuple(edge.moved(moved) for edge in edges), self.reading), places
+
+
+def tails(edges: Sequence[AnySteps], count: int, of_numbers: int) -> tuple[int, ...]:
+    """Return, for each of so many arrays that edges read, how many axes at its end are none of the batch.
+
+    Args:
+        edges: The edges.
+        count: How many arrays there are.
+        of_numbers: What is returned for a tree's own numbers.
+    """
+    found = [0] * count
+    for edge in edges:
+        for place in edge.numbers:
+            found[place] = of_numbers
+        if isinstance(edge, EdgeSteps):
+            for kept in edge.kept:
+                found[kept.place] = 1 if kept.count else found[kept.place]
+            for place in edge.held[0] if edge.held else ():
+                found[place] = 2
+    return tuple(found)

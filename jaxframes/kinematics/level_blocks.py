@@ -6,7 +6,7 @@ blocks. Unrolled frame by frame it takes 2.7, and ten to forty times as long to 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import jax
@@ -15,11 +15,11 @@ from jax import lax
 
 from jaxframes.kinematics import levels
 from jaxframes.kinematics.arrays import halves
+from jaxframes.kinematics.batches import SIZES, BatchOperation
 from jaxframes.kinematics.context import Context
-from jaxframes.kinematics.rates import batch_of
 from jaxframes.kinematics.tree_arguments import stacked
-from jaxframes.staging.operation import Arrays, Operation, run, with_changes
-from jaxframes.staging.sharding import is_large, like, may_block
+from jaxframes.staging.operation import Arrays, run, with_changes
+from jaxframes.staging.sharding import is_large, may_block
 
 BLOCK = 512
 """Samples a block on CPU."""
@@ -37,7 +37,7 @@ def all_frames(context: Context, observer: int) -> Arrays:
     numbers, kind = jax.tree.flatten(tree)
     state, form = jax.tree.flatten(context.state)
     tails = jax.tree.leaves(jax.tree_util.tree_map_with_path(lambda path, _: TAIL[path[0].name], context.state))
-    results = tuple((len(tree.names), size) for size in (4, 3, 3, 3, 3, 3)[: 2 + 2 * context.order])
+    results = tuple((len(tree.names), size) for size in SIZES[: 2 + 2 * context.order])
     ranks = (*[-1] * len(numbers), *tails)
     dtype = jnp.dtype(context.dtype).name
     operation = _ByLevel(kind, form, ranks, context.shape, context.order, observer, results, dtype, bool(tree.batch_shape))
@@ -45,7 +45,7 @@ def all_frames(context: Context, observer: int) -> Arrays:
 
 
 @dataclass(frozen=True)
-class _ByLevel(Operation):
+class _ByLevel(BatchOperation):
     """The operation, of a tree's numbers and a state's arrays.
 
     Attributes:
@@ -83,42 +83,13 @@ class _ByLevel(Operation):
     def compute_on_cpu(self, *arrays: jax.Array) -> Arrays:
         if self.has_batch_of_trees or not is_large(self.shape, BLOCK) or not all(map(may_block, arrays)):
             return self.compute(*arrays)
-        return self._in_blocks(*arrays)
 
-    def _in_blocks(self, *arrays: jax.Array) -> Arrays:
-        """Return the same, block after block. The last block starts early enough to be whole."""
-        count = math.prod(self.shape)
-        flat = [self._flat(a, rank) for a, rank in zip(arrays, self.ranks, strict=True)]
-        inner = replace(self, shape=(BLOCK,))
-
-        def block(i: jax.Array, out: Arrays) -> Arrays:
-            at = jnp.minimum(i * BLOCK, count - BLOCK)
-            own = (lax.dynamic_slice_in_dim(a, at, BLOCK) if is_batch else a for a, is_batch in flat)
-            return tuple(lax.dynamic_update_slice_in_dim(o, part, at, 0) for o, part in zip(out, inner.compute(*own), strict=True))
+        def write(inner: _ByLevel, own: Arrays, out: Arrays, at: jax.Array) -> Arrays:
+            return [lax.dynamic_update_slice_in_dim(o, part, at, 0) for o, part in zip(out, inner.compute(*own), strict=True)]
 
         # Zeros, though all are written over: this is where memory new to the process is first touched, by several threads.
-        start = tuple(like(jnp.zeros((count, *row), self.dtype), *arrays) for row in self.rows)
-        whole = lax.fori_loop(0, -(-count // BLOCK), block, start)
-        return tuple(w.reshape(*self.shape, *row) for w, row in zip(whole, self.rows, strict=True))
-
-    def _flat(self, array: jax.Array, rank: int) -> tuple[jax.Array, bool]:
-        """Return an array with its batch axes as one, and True; or without batch axes, and False, where it is the same for all samples."""
-        if rank < 0:
-            return array, False
-        tail = array.shape[array.ndim - rank :]
-        if math.prod(batch_of(array, rank)) == 1:
-            return array.reshape(tail), False
-        return jnp.broadcast_to(array, (*self.shape, *tail)).reshape(-1, *tail), True
+        start = [jnp.zeros((math.prod(self.shape), *row), self.dtype) for row in self.rows]
+        return self.in_blocks(BLOCK, start, write, arrays)
 
     def derivative(self, primals: Arrays, tangents: Sequence[jax.Array | None]) -> tuple[Arrays, Arrays]:
         return with_changes(self.compute, primals, tangents)
-
-    def mapped(self, count: int, axes: tuple[int | None, ...], *arrays: jax.Array) -> Arrays:
-        """Take a vmapped axis as a further batch axis, unless trees differ."""
-        if any(axis is not None and rank < 0 for axis, rank in zip(axes, self.ranks, strict=True)):
-            return super().mapped(count, axes, *arrays)
-        aligned = []
-        for array, axis, rank in zip(arrays, axes, self.ranks, strict=True):
-            missing = len(self.shape) - (array.ndim - rank - 1)
-            aligned.append(array if axis is None else lax.expand_dims(array, range(1, 1 + missing)))
-        return run(replace(self, shape=(count, *self.shape)), *aligned)

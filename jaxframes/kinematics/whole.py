@@ -17,9 +17,9 @@ import numpy as np
 from jax import lax
 
 from jaxframes.kinematics.arrays import halves
+from jaxframes.kinematics.batches import SIZES, BatchOperation
 from jaxframes.kinematics.context import Context
-from jaxframes.kinematics.edge_steps import AnySteps, EdgeSteps, Opened, PathSteps, Reading
-from jaxframes.kinematics.rates import batch_of
+from jaxframes.kinematics.edge_steps import AnySteps, Opened, PathSteps, Reading, tails
 from jaxframes.kinematics.walk import Move, follow, moves
 from jaxframes.numerics.components import Component
 from jaxframes.numerics.extension import folded, half_angles, with_halves
@@ -28,8 +28,8 @@ from jaxframes.numerics.rigid import AT_REST, Rigid, compose, inverse
 from jaxframes.numerics.steps import Step, append_all
 from jaxframes.numerics.trig import given_pairs, sin_cos, sin_cos_of
 from jaxframes.staging.columns import assemble
-from jaxframes.staging.operation import Arrays, Operation, run, with_changes
-from jaxframes.staging.sharding import alike, is_large, like, may_block, stacked
+from jaxframes.staging.operation import Arrays, run, with_changes
+from jaxframes.staging.sharding import alike, is_large, may_block, stacked
 from jaxframes.staging.stages import stage, staged
 from jaxframes.staging.traced_inputs import Operands, Source
 
@@ -38,8 +38,6 @@ IN_PLACE = jax.__version_info__ >= (0, 11)
 former takes three quarters of the time, on jax 0.10 a third more."""
 BLOCK, COLUMNS = (1024, 8) if IN_PLACE else (4096, 10)
 """Samples a block on CPU, and columns that are put together at a time."""
-SIZES = (4, 3, 3, 3, 3, 3)
-"""Columns of quaternion, translation and the halves of velocity and acceleration."""
 Part = Callable[[], jax.Array]
 
 
@@ -51,27 +49,13 @@ def all_frames(context: Context, observer: int) -> Arrays:
     """
     order, operands = moves(context.topology, observer), Operands()
     edges = context.edge_steps([move.edge for move in order], operands, whole=True)
-    ranks = _ranks(edges, len(operands.arrays))
+    ranks = tails(edges, len(operands.arrays), of_numbers=-1)  # none of the tree's own numbers are batched
     operation = _AllFrames(edges, tuple(order), observer, ranks, context.shape, context.reading)
     return run(operation, *operands.arrays) if operands.arrays else operation.compute()
 
 
-def _ranks(edges: Sequence[AnySteps], count: int) -> tuple[int, ...]:
-    """Return, for each array, how many axes at its end are none of the batch: -1 for the tree's own numbers, none of which are batched."""
-    ranks = [0] * count
-    for edge in edges:
-        for place in edge.numbers:
-            ranks[place] = -1
-        if isinstance(edge, EdgeSteps):
-            for kept in edge.kept:
-                ranks[kept.place] = 1 if kept.count else ranks[kept.place]
-            for place in edge.held[0] if edge.held else ():
-                ranks[place] = 2
-    return tuple(ranks)
-
-
 @dataclass(frozen=True)
-class _AllFrames(Operation):
+class _AllFrames(BatchOperation):
     """The operation, of a tree's numbers, a state's arrays and the steps of edges that need the time.
 
     Attributes:
@@ -111,7 +95,13 @@ class _AllFrames(Operation):
         own = [a for a, rank in zip(arrays, self.ranks, strict=True) if rank < 0]
         if not is_large(self.shape, BLOCK) or any(a.ndim > 1 for a in own) or not all(map(may_block, arrays)):
             return self.compute(*arrays)
-        return self._in_blocks(*arrays)
+
+        def write(inner: _AllFrames, own: Arrays, out: Arrays, at: jax.Array) -> Arrays:
+            return [_written(o, parts, at) for o, parts in zip(out, inner._columns(*own), strict=True)]
+
+        # Zeros, though all are written over: this is where memory new to the process is first touched, by several threads.
+        start = [jnp.zeros((math.prod(self.shape), math.prod(r.shape[-2:])), r.dtype) for r in self.results()]
+        return self.in_blocks(BLOCK, start, write, arrays)
 
     def _columns(self, *arrays: jax.Array) -> list[list[Part]]:
         """Return how to make each result: the parts [*batch, k] that one after the other are its rows."""
@@ -129,30 +119,9 @@ class _AllFrames(Operation):
         parts = [[tuple(part) for part in _parts(motion, self.reading.order)] for motion in motions]
         return [_joined(rows, self._kind) for rows in zip(*parts, strict=True)]
 
-    def _in_blocks(self, *arrays: jax.Array) -> Arrays:
-        """Return the same, block after block. The last block starts early enough to be whole."""
-        count = math.prod(self.shape)
-        flat = [self._flat(a, rank) for a, rank in zip(arrays, self.ranks, strict=True)]
-        inner = replace(self, shape=(BLOCK,), reading=replace(self.reading, rank=1))
-
-        def block(i: jax.Array, out: Arrays) -> Arrays:
-            at = jnp.minimum(i * BLOCK, count - BLOCK)
-            own = (lax.dynamic_slice_in_dim(a, at, BLOCK) if long else a for a, long in flat)
-            return tuple(_written(o, parts, at) for o, parts in zip(out, inner._columns(*own), strict=True))
-
-        # Zeros, though all are written over: this is where memory new to the process is first touched, by several threads.
-        start = tuple(like(jnp.zeros((count, math.prod(r.shape[-2:])), r.dtype), *arrays) for r in self.results())
-        whole = lax.fori_loop(0, -(-count // BLOCK), block, start)
-        return tuple(w.reshape(r.shape) for w, r in zip(whole, self.results(), strict=True))
-
-    def _flat(self, array: jax.Array, rank: int) -> tuple[jax.Array, bool]:
-        """Return an array with its batch axes as one, and True; or without batch axes, and False, where it is the same for all samples."""
-        if rank < 0:
-            return array, False
-        tail = array.shape[array.ndim - rank :]
-        if math.prod(batch_of(array, rank)) == 1:
-            return array.reshape(tail), False
-        return jnp.broadcast_to(array, (*self.shape, *tail)).reshape(-1, *tail), True
+    def over(self, shape: tuple[int, ...]) -> "_AllFrames":
+        """Return the operation over a batch of another shape."""
+        return replace(self, shape=shape, reading=replace(self.reading, rank=len(shape)))
 
     def derivative(self, primals: Arrays, tangents: Sequence[jax.Array | None]) -> tuple[Arrays, Arrays]:
         return with_changes(self._frame_by_frame, primals, tangents)
@@ -168,17 +137,6 @@ class _AllFrames(Operation):
         found = follow(self.moves, self.observer, source, self._kind)
         packed = [stacked(parts, -2) for parts in zip(*(found[frame] for frame in range(self._count)), strict=True)]
         return tuple(half for whole in packed for half in halves(whole))
-
-    def mapped(self, count: int, axes: tuple[int | None, ...], *arrays: jax.Array) -> Arrays:
-        """Take a vmapped axis as a further batch axis, unless trees differ."""
-        if any(axis is not None and rank < 0 for axis, rank in zip(axes, self.ranks, strict=True)):
-            return super().mapped(count, axes, *arrays)
-        aligned = []
-        for array, axis, rank in zip(arrays, axes, self.ranks, strict=True):
-            missing = len(self.shape) - (array.ndim - rank - 1)
-            aligned.append(array if axis is None else lax.expand_dims(array, range(1, 1 + missing)))
-        reading = replace(self.reading, rank=self.reading.rank + 1)
-        return run(replace(self, shape=(count, *self.shape), reading=reading), *aligned)
 
 
 @dataclass(frozen=True)

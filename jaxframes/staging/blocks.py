@@ -17,7 +17,7 @@ from jax import lax
 from jax.interpreters import ad, batching, mlir
 
 from jaxframes.staging.internals import Primitive
-from jaxframes.staging.operation import Arrays
+from jaxframes.staging.operation import Arrays, changes_of
 from jaxframes.staging.sharding import like, may_block
 
 SIZES = (256, 4096)
@@ -113,15 +113,10 @@ class _Change(Work):
 
     def __call__(self, *arrays: jax.Array) -> Sequence[jax.Array]:
         count = len(arrays) - len(self.moved)
-        full, steps = arrays[:count], arrays[count:]
-
-        def of_moved(*given: jax.Array) -> tuple[jax.Array, ...]:
-            inputs = list(full)
-            for i, value in zip(self.moved, given, strict=True):
-                inputs[i] = value
-            return tuple(self.work(*inputs))
-
-        return jax.jvp(of_moved, tuple(full[i] for i in self.moved), steps)[1]
+        tangents: list[jax.Array | None] = [None] * count
+        for i, tangent in zip(self.moved, arrays[count:], strict=True):
+            tangents[i] = tangent
+        return changes_of(lambda *inputs: tuple(self.work(*inputs)), arrays[:count], tangents)
 
 
 def _derivative(primals: Arrays, tangents: Sequence[Any], *, work: Work, batch: Batch | None) -> tuple[Any, Any]:
