@@ -1,5 +1,6 @@
 """Reference frames for JAX: trees of robots, spacecraft and ephemerides as compiled, differentiable functions."""
 
+from jaxframes import edges as edges
 from jaxframes import kinematics as kinematics
 from jaxframes import spice as spice
 from jaxframes._version import __version__ as __version__
@@ -12,6 +13,8 @@ from jaxframes.io.robots import example_robot as example_robot
 from jaxframes.io.robots import example_robots as example_robots
 from jaxframes.io.urdf import load_urdf as load_urdf
 from jaxframes.io.urdf_write import to_urdf as to_urdf
+from jaxframes.kinematics.apparent import ApparentState as ApparentState
+from jaxframes.model.state import Attachments as Attachments
 from jaxframes.spatial import Epoch as Epoch
 from jaxframes.spatial import Motion as Motion
 from jaxframes.spatial import Rotation as Rotation
@@ -32,15 +35,12 @@ from jaxframes.spatial import norm as norm
 from jaxframes.spatial import normalize as normalize
 from jaxframes.spatial import phi as phi
 from jaxframes.spatial import stack as stack
-from jaxframes.spatial.utc import SHIPPED_LEAP_SECONDS as SHIPPED_LEAP_SECONDS
-from jaxframes.spatial.utc import LeapSeconds as LeapSeconds
+from jaxframes.time.scales import SHIPPED_LEAP_SECONDS as SHIPPED_LEAP_SECONDS
+from jaxframes.time.scales import LeapSeconds as LeapSeconds
 from jaxframes.tree import FrameTree as FrameTree
 from jaxframes.tree import State as State
 from jaxframes.tree import TreeBuilder as TreeBuilder
-from jaxframes.tree import edges as edges
-from jaxframes.tree.apparent import ApparentState as ApparentState
 from jaxframes.tree.chain import Chain as Chain
-from jaxframes.tree.state import Attachments as Attachments
 from jaxframes.tree.text import DumpOptions as DumpOptions
 from jaxframes.view.export import to_dot as to_dot
 from jaxframes.view.export import to_mermaid as to_mermaid

@@ -10,8 +10,8 @@ import pytest
 PACKAGE = Path(__file__).resolve().parent.parent / "jaxframes"
 FILES = sorted(p for p in PACKAGE.rglob("*.py"))
 LAYERS = {
-    **{"_version": 0, "errors": 0, "staging": 1, "numerics": 2, "spatial": 3, "tree": 4, "kinematics": 5},
-    **{"spice": 6, "io": 6, "view": 6, "bulk": 6, "data": 6, "__init__": 7, "cli": 8, "__main__": 9},
+    **{"_version": 0, "errors": 0, "staging": 1, "numerics": 2, "time": 3, "spatial": 4, "edges": 5, "tables": 6, "model": 6, "kinematics": 7},
+    **{"tree": 8, "spice": 9, "io": 9, "view": 9, "bulk": 9, "data": 9, "__init__": 10, "cli": 11, "__main__": 12},
 }
 LONGEST = 350
 

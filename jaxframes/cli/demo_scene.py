@@ -6,9 +6,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from jaxframes.edges import Edge, Fixed, Prescribed, Revolute
 from jaxframes.spatial import Epoch, Motion, Rotation, SpatialAcceleration, SpatialVelocity, Transform
 from jaxframes.tree import FrameTree, State, TreeBuilder
-from jaxframes.tree.edges import Edge, Fixed, Prescribed, Revolute
 
 STATION = (40.4314, -4.2481, 865.0)
 """Geodetic latitude and longitude (deg) and height (m) of the station: near the Madrid deep-space complex."""

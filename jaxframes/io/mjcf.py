@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from jaxframes import edges
+from jaxframes.edges.base import Edge
 from jaxframes.errors import FormatError, MissingExtraError
 from jaxframes.io.xml_nodes import MOST_BYTES
 from jaxframes.spatial import Rotation, Transform
-from jaxframes.tree import FrameTree, TreeBuilder, edges
-from jaxframes.tree.edges.base import Edge
+from jaxframes.tree import FrameTree, TreeBuilder
 
 FREE, BALL, SLIDE, HINGE = range(4)
 Pose = tuple[np.ndarray, np.ndarray]

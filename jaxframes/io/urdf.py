@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from jaxframes import edges
+from jaxframes.edges.base import Edge
 from jaxframes.errors import (
     DuplicateNameError,
     EdgeError,
@@ -22,8 +24,7 @@ from jaxframes.errors import (
 )
 from jaxframes.io.xml_nodes import Node, facts, parse, read
 from jaxframes.spatial import Rotation, Transform
-from jaxframes.tree import FrameTree, TreeBuilder, edges
-from jaxframes.tree.edges.base import Edge
+from jaxframes.tree import FrameTree, TreeBuilder
 
 TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 IN_JOINT = ("parent", "child", "origin", "axis", "limit", "mimic")

@@ -7,11 +7,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from jaxframes import edges
 from jaxframes.errors import FormatError
 from jaxframes.io.urdf import IN_LINK, KEPT_IN_JOINT, quaternion_of
 from jaxframes.spatial import Transform
 from jaxframes.staging.arrays import is_concrete
-from jaxframes.tree import FrameTree, edges
+from jaxframes.tree import FrameTree
 
 KINDS: dict[type, str] = {
     **{edges.Fixed: "fixed", edges.Revolute: "revolute", edges.Continuous: "continuous", edges.Prismatic: "prismatic"},

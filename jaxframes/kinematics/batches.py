@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxframes.kinematics.rates import batch_of
+from jaxframes.kinematics.state_rate import batch_of
 from jaxframes.staging.operation import Arrays, Operation, run
 from jaxframes.staging.sharding import like
 

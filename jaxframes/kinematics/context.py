@@ -9,19 +9,19 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from jaxframes.edges.base import Edge, Inputs
+from jaxframes.edges.mimic import Mimic
 from jaxframes.errors import MissingInputError, NoAccelerationError, ShapeError
 from jaxframes.kinematics.arrays import motion_of
 from jaxframes.kinematics.edge_steps import AnySteps, EdgeSteps, GivenSteps, Kept, PathSteps, Reading, unit_twists
+from jaxframes.model.state import State
+from jaxframes.model.structure import Structure, float_dtype
 from jaxframes.numerics.packed import Kind, Packed
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
 from jaxframes.spatial import Motion
 from jaxframes.staging.arrays import widest
 from jaxframes.staging.traced_inputs import Operands, Source
-from jaxframes.tree.edges.base import Edge, Inputs
-from jaxframes.tree.edges.mimic import Mimic
-from jaxframes.tree.state import State
-from jaxframes.tree.structure import Structure, float_dtype
 
 JOINT_FIELDS: tuple[str, ...] = ("q", "qd", "qdd")
 

@@ -8,15 +8,15 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxframes.edges.base import Edge, Inputs
+from jaxframes.edges.mimic import Mimic
 from jaxframes.kinematics.arrays import motion_of
 from jaxframes.numerics.components import V3, Component, mul
-from jaxframes.numerics.extension import StepsRecipe, folded
+from jaxframes.numerics.path_motion import StepsRecipe, folded
 from jaxframes.numerics.rigid import AT_REST
 from jaxframes.numerics.steps import Step, append_all
 from jaxframes.staging.columns import column, parameters, take_apart
 from jaxframes.staging.traced_inputs import Parts
-from jaxframes.tree.edges.base import Edge, Inputs
-from jaxframes.tree.edges.mimic import Mimic
 
 Row = tuple[Component, ...]
 

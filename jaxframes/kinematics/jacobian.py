@@ -9,9 +9,9 @@ import jax.numpy as jnp
 from jaxframes.kinematics.context import Context
 from jaxframes.kinematics.edge_steps import AnySteps, Opened, Reading
 from jaxframes.numerics.components import V3, ZERO, Component, cross, quat_conj, quat_mul, rotate
-from jaxframes.numerics.computed import Program, computed
-from jaxframes.numerics.extension import half_angles, has_angles, with_halves
 from jaxframes.numerics.packed import WIDEST, Packed, unpacked
+from jaxframes.numerics.path_motion import half_angles, has_angles, with_halves
+from jaxframes.numerics.programs import Program, computed
 from jaxframes.numerics.rigid import AT_REST, Rigid
 from jaxframes.numerics.steps import Step, append_all
 from jaxframes.numerics.trig import Half

@@ -17,20 +17,20 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxframes.kinematics import doubling, plan
+from jaxframes.edges.base import Inputs
+from jaxframes.edges.mimic import Mimic
+from jaxframes.kinematics import plan, pointer_doubling
 from jaxframes.kinematics.arrays import motion_of
 from jaxframes.kinematics.context import JOINT_FIELDS, Context, picked
 from jaxframes.kinematics.edge_steps import EdgeSteps, Reading
-from jaxframes.numerics.extension import StepsRecipe, extend
+from jaxframes.kinematics.plan import by_level
+from jaxframes.model.state import State
 from jaxframes.numerics.packed import Kind, Packed, unpacked
+from jaxframes.numerics.path_motion import StepsRecipe, extend
 from jaxframes.numerics.rigid import AT_REST, inverse
 from jaxframes.numerics.steps import Step
 from jaxframes.staging.stages import stage
 from jaxframes.staging.traced_inputs import Operands, Source
-from jaxframes.tree.edges.base import Inputs
-from jaxframes.tree.edges.mimic import Mimic
-from jaxframes.tree.state import State
-from jaxframes.tree.ways import by_level
 
 
 def applies(context: Context) -> bool:
@@ -233,7 +233,7 @@ class FamilySteps(StepsRecipe):
         if self.followed:
             each = [edge.inputs(arrays, alone)[:3] for edge in self.followed]
             shape = jnp.broadcast_shapes(*(np.shape(c) for c in jax.tree.leaves(each)))
-            return Inputs(*doubling.stacked(each, shape, self.reading.dtype), batch_rank=rank)
+            return Inputs(*pointer_doubling.stacked(each, shape, self.reading.dtype), batch_rank=rank)
         rows = [tuple(self._column(arrays[place], one, alone) for one in columns) for place, columns in self.kept]
         rows += [(0.0,) * self.counts[1]] * (3 - len(rows))
         return Inputs(*rows, batch_rank=rank)  # pyright: ignore[reportArgumentType]

@@ -14,18 +14,18 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxframes.errors import MissingInputError
-from jaxframes.kinematics.attached import between
+from jaxframes.kinematics.apparent import SPEED_OF_LIGHT, ApparentState, Looking
+from jaxframes.kinematics.attachments import between
 from jaxframes.kinematics.context import Context
-from jaxframes.kinematics.rates import broadcast, rate
+from jaxframes.kinematics.state_rate import broadcast, rate
+from jaxframes.model.state import State
+from jaxframes.model.structure import Structure
 from jaxframes.numerics.components import V3, Component, cross, dot, mul, rotate
 from jaxframes.numerics.packed import Packed, unpacked
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.spatial import Epoch
 from jaxframes.staging.columns import assemble, take_apart
 from jaxframes.staging.stages import stage
-from jaxframes.tree.apparent import SPEED_OF_LIGHT, ApparentState, Looking
-from jaxframes.tree.state import State
-from jaxframes.tree.structure import Structure
 
 STEPS = 3
 """Steps of the fixed point after the geometric guess. Each gains a factor of v/c, four digits: three leave nothing to gain."""

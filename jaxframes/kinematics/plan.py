@@ -2,10 +2,140 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxframes.tree.ways import SPAN, is_deep
+from jaxframes.edges.fixed import Fixed
+from jaxframes.model.topology import Topology
+
+FEWEST = 20
+"""Trees of at least so many frames go by level; smaller ones are unrolled, which runs up to twice as fast on large batches and compiles in
+a time that grows with their frames."""
+LARGE = 65
+"""Trees of at least so many frames are handed to compiled queries with their numbers stacked by family, and go by level with attachable
+frames too."""
+MANY_TABLES = 8
+"""Trees with at least so many tables of one kind go by level too: these are evaluated together, and else each is compiled by itself."""
+SPAN = 10
+"""Levels in a segment of a deep tree."""
+LONGEST = {0: 12, 1: 10, 2: 8}
+"""Moving edges that are worked out in one piece, for poses, velocities and accelerations: longer paths are cut, because XLA:CPU slows
+down by orders of magnitude on loops of some thousand instructions."""
+PIECE = {0: 9, 1: 6, 2: 5}
+"""Moving edges in a piece of a path that is cut."""
+LONGEST_PERIOD = 6
+FEWEST_PIECES = 4
+"""Pieces that make a scan over them worth while."""
+
+
+class Repeats(NamedTuple):
+    """How a path repeats.
+
+    Attributes:
+        groups: The kinds of edges in a piece, by their group in the tree.
+        pieces: How many pieces there are.
+    """
+
+    groups: tuple[int, ...]
+    pieces: int
+
+    @property
+    def edges(self) -> int:
+        """How many edges the pieces have together."""
+        return len(self.groups) * self.pieces
+
+
+def is_deep(levels: int) -> bool:
+    """Return whether so many levels are cut into segments."""
+    return levels > SPAN + SPAN // 2
+
+
+def pieces_of(tree: Any, frames: Sequence[int], order: int) -> tuple[Repeats | None, list[list[int]]]:
+    """Return how the edges above the frames of a downward path are cut: how they repeat, None if they do not, and the pieces after that.
+
+    A path without edges is one empty piece.
+    """
+    pieces = _cut(tree, frames, order)
+    pattern = repeats(tree.topology, frames, PIECE[order]) if len(pieces) > 1 else None
+    if pattern is None:
+        return None, pieces
+    return pattern, [list(frames[pattern.edges :])] if len(frames) > pattern.edges else []
+
+
+def _cut(tree: Any, frames: Sequence[int], order: int) -> list[list[int]]:
+    edges = [tree._edge(frame) for frame in frames]
+    weights = [max(edge.nv, int(not isinstance(edge, Fixed))) for edge in edges]
+    most = LONGEST[order] if sum(weights) <= LONGEST[order] else PIECE[order]
+    pieces, filled = [list[int]()], 0
+    for frame, weight in zip(frames, weights, strict=True):
+        if pieces[-1] and weight and filled + weight > most:
+            pieces.append([])
+            filled = 0
+        pieces[-1].append(frame)
+        filled += weight
+    return pieces
+
+
+def repeats(topology: Topology, frames: Sequence[int], most: int) -> Repeats | None:
+    """Return how the edges above frames repeat, in pieces of up to so many joints; None where they do not, or a few times only."""
+    groups = [topology.locations[frame][0] for frame in frames]
+    counts = [topology.coordinates[frame] for frame in frames]
+    plain = all(
+        topology.stacked[group] and nq == nv <= 1 and topology.prescribed[frame] < 0 and topology.sources[frame] < 0
+        for frame, group, (_, nq, _, nv) in zip(frames, groups, counts, strict=True)
+    )
+    for period in range(1, LONGEST_PERIOD + 1) if plain else ():
+        joints = sum(nv for _, _, _, nv in counts[:period])
+        if joints and all(group == groups[i % period] for i, group in enumerate(groups)):
+            piece = max(most // joints, 1) * period
+            found = Repeats(tuple(groups[:piece]), len(frames) // piece)
+            return found if found.pieces >= FEWEST_PIECES else None
+    return None
+
+
+def along_path(tree: Any, up: Sequence[int], down: Sequence[int]) -> str:
+    """Return text on how poses and motions along a path are worked out, from the frames on both sides of the common ancestor."""
+    poses, motions = (" and ".join(_side(tree, side, order) for side in (up, down) if side) for order in (0, 2))
+    if not poses:
+        return "nothing to compose"
+    return f"composed {poses}" if poses == motions else f"composed {poses}; motions {motions}"
+
+
+def _side(tree: Any, frames: Sequence[int], order: int) -> str:
+    pattern, pieces = pieces_of(tree, frames, order)
+    if pattern is not None:
+        rest = f", {len(pieces[0])} edges more after it" if pieces else ""
+        return f"by a scan over {pattern.pieces} alike pieces of {len(pattern.groups)} edges{rest}"
+    if len(pieces) == 1:
+        return "one after another"
+    return f"one after another, in {len(pieces)} pieces of up to {PIECE[order]} moving edges"
+
+
+def by_level(topology: Topology) -> bool:
+    """Return whether queries about all frames go by level."""
+    tables = max((len(own) for own, stacked in zip(topology.members, topology.stacked, strict=True) if not stacked), default=0)
+    return len(topology.names) >= (LARGE if topology.attachables else FEWEST) or tables >= MANY_TABLES
+
+
+def over_all_frames(topology: Topology) -> str:
+    """Return text on how a query about all frames is worked out, and why."""
+    count, levels = len(topology.names), max(topology.depths) + 1
+    kinds = len({group for group, _ in topology.locations if group >= 0})
+    head = f"all {count} frames, {levels} levels, {kinds} kinds of edges: "
+    fewest = LARGE if topology.attachables else FEWEST
+    many = f"{fewest} frames or more" if count >= fewest else f"{MANY_TABLES} tables or more of one kind, which are evaluated together"
+    if topology.attachables and by_level(topology):
+        return head + f"by level; the links of {len(topology.attachables)} attachable frames are composed by pointer doubling ({many})"
+    if topology.attachables:
+        links = len(topology.attachables)
+        return head + f"static parts unrolled, the links of {links} attachable frames composed by pointer doubling (their parents are data)"
+    if not by_level(topology):
+        blocks = "; on a CPU a large batch goes block by block, so that all frames of a block stay in the cache"
+        return head + f"unrolled outward from the observer, each frame a stage of its own (fewer than {FEWEST} frames{blocks})"
+    if is_deep(levels):
+        return head + f"by level in segments of {SPAN} levels, whose starts are again a tree ({many}, and deep)"
+    return head + f"by level, all frames of a level at a time ({many}, and shallow)"
 
 
 @dataclass(frozen=True)

@@ -6,24 +6,24 @@ from typing import Any, TypeVar
 import jax
 import jax.numpy as jnp
 
-from jaxframes.kinematics import attached, attached_levels, level_blocks, levels, whole
+from jaxframes.kinematics import attachments, attachments_by_level, level_blocks, levels, unrolled
 from jaxframes.kinematics.arrays import named, of_halves
-from jaxframes.kinematics.attach import attach, attachments_valid
-from jaxframes.kinematics.attached import between
+from jaxframes.kinematics.attachments import between
 from jaxframes.kinematics.context import Context
 from jaxframes.kinematics.jacobian import jacobian
 from jaxframes.kinematics.light_time import apparent
-from jaxframes.kinematics.rates import broadcast, rate
+from jaxframes.kinematics.path import outward
+from jaxframes.kinematics.reattachment import attach, attachments_valid
+from jaxframes.kinematics.state_rate import broadcast, rate
 from jaxframes.kinematics.tree_arguments import Plan, as_arguments
-from jaxframes.kinematics.walk import outward
+from jaxframes.model.state import State
+from jaxframes.model.structure import Structure
 from jaxframes.numerics.packed import Packed, unpacked
 from jaxframes.numerics.rigid import express
 from jaxframes.spatial import Motion, Transform
 from jaxframes.staging.internals import is_compiling
 from jaxframes.staging.sharding import stacked
 from jaxframes.staging.stages import stage
-from jaxframes.tree.state import State
-from jaxframes.tree.structure import Structure
 
 Value = TypeVar("Value")
 
@@ -39,9 +39,9 @@ def _between(tree: Structure, state: State, of: int, relative_to: int, expressed
 def _pair(context: Context, of: int, relative_to: int) -> Packed:
     """Return the motion of one frame as another sees it, by level where a query across links may touch many frames."""
     home = context.topology.islands
-    if home[of] == home[relative_to] or not attached.touches_many(context, (of, relative_to)):
+    if home[of] == home[relative_to] or not attachments.touches_many(context, (of, relative_to)):
         return between(context, of, relative_to)
-    return tuple(array[..., of, :] for array in attached_levels.all_frames(context, relative_to))
+    return tuple(array[..., of, :] for array in attachments_by_level.all_frames(context, relative_to))
 
 
 def turned(context: Context, axes: Packed, motion: Packed) -> Packed:
@@ -53,11 +53,11 @@ def _all_frames(tree: Structure, state: State, relative_to: int, order: int) -> 
     context = Context(tree, state, order)
     if levels.applies(context):
         if tree.topology.attachables:
-            return named(attached_levels.all_frames(context, relative_to))
+            return named(attachments_by_level.all_frames(context, relative_to))
         return of_halves(level_blocks.all_frames(context, relative_to))
     if not tree.topology.attachables:
-        return of_halves(whole.all_frames(context, relative_to))
-    found = attached.all_frames(context, relative_to)
+        return of_halves(unrolled.all_frames(context, relative_to))
+    found = attachments.all_frames(context, relative_to)
     return named(_stacked([found[frame] for frame in range(len(tree.names))], -2))
 
 
@@ -67,7 +67,7 @@ def _pairs(tree: Structure, state: State, of: tuple[int, ...], relative_to: tupl
     for observer in relative_to:
         near = frozenset(frame for frame in of if home[frame] == home[observer])
         found = outward(context, observer, near) if near else {}
-        found |= attached.between_many(context, [frame for frame in of if frame not in near], observer)
+        found |= attachments.between_many(context, [frame for frame in of if frame not in near], observer)
         rows.append(_stacked([found[frame] for frame in of], -2))
     return named(_stacked(rows, -3)).transform
 

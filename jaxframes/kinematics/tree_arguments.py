@@ -7,12 +7,12 @@ from typing import Any
 import jax
 import numpy as np
 
+from jaxframes.edges.base import Edge
+from jaxframes.kinematics.plan import LARGE, by_level
+from jaxframes.model.structure import Structure, float_dtype
+from jaxframes.model.topology import Topology
 from jaxframes.staging.arrays import is_concrete
 from jaxframes.staging.traced_inputs import Known
-from jaxframes.tree.edges.base import Edge
-from jaxframes.tree.structure import Structure, float_dtype
-from jaxframes.tree.topology import Topology
-from jaxframes.tree.ways import LARGE, by_level
 
 
 @jax.tree_util.register_pytree_node_class

@@ -13,7 +13,7 @@ import jax
 
 from jaxframes.numerics.components import V3, Component, Quat
 from jaxframes.numerics.rigid import Rigid
-from jaxframes.numerics.variation import Change
+from jaxframes.numerics.step_derivatives import Change
 from jaxframes.staging.columns import assemble, take_apart
 from jaxframes.staging.sharding import alike
 

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxframes.errors import ShapeError
-from jaxframes.spatial import averages, kernels
+from jaxframes.spatial import rotation_ops
 from jaxframes.spatial.value import Based, Value, tag
 from jaxframes.staging.arrays import as_float
 
@@ -38,12 +38,12 @@ class Rotation(Value):
     @classmethod
     def from_quaternion_wxyz(cls, wxyz: Any) -> "Rotation":
         """Return the rotation of quaternions [..., 4], scalar first, normalised; a zero quaternion gives NaN."""
-        return cls(kernels.normalized(wxyz))
+        return cls(rotation_ops.normalized(wxyz))
 
     @classmethod
     def from_quaternion_xyzw(cls, xyzw: Any) -> "Rotation":
         """Return the rotation of quaternions [..., 4], scalar last (ROS, KDL, SciPy), normalised."""
-        return cls(kernels.normalized_xyzw(xyzw))
+        return cls(rotation_ops.normalized_xyzw(xyzw))
 
     @classmethod
     def from_matrix(cls, matrix: Any) -> "Rotation":
@@ -52,64 +52,64 @@ class Rotation(Value):
         Every rotation is met with full accuracy. An almost orthonormal matrix gives a unit quaternion all the same; anything
         farther from a rotation (a reflection, a scale) gives one that means little.
         """
-        return cls(kernels.from_matrix(_nine(matrix)))
+        return cls(rotation_ops.from_matrix(_nine(matrix)))
 
     @classmethod
     def from_rows(cls, x: Any, y: Any, z: Any) -> "Rotation":
         """Return the rotation whose matrix has the rows x, y, z [..., 3]: the axes of a in b."""
-        return cls(kernels.from_rows(x, y, z))
+        return cls(rotation_ops.from_rows(x, y, z))
 
     @classmethod
     def from_columns(cls, x: Any, y: Any, z: Any) -> "Rotation":
         """Return the rotation whose matrix has the columns x, y, z [..., 3]: the axes of b in a."""
-        return cls(kernels.from_columns(x, y, z))
+        return cls(rotation_ops.from_columns(x, y, z))
 
     @classmethod
     def from_axis_angle(cls, axis: Any, angle: Any) -> "Rotation":
         """Return the rotation about an axis [..., 3] of any length by an angle [...] (rad); a zero axis gives the identity."""
-        return cls(kernels.from_axis_angle(axis, angle))
+        return cls(rotation_ops.from_axis_angle(axis, angle))
 
     @classmethod
     def from_unit_axis_angle(cls, axis: Any, angle: Any) -> "Rotation":
         """Return the rotation about an axis [..., 3] that is a unit vector already (not checked) by an angle [...] (rad)."""
-        return cls(kernels.from_unit_axis_angle(axis, angle))
+        return cls(rotation_ops.from_unit_axis_angle(axis, angle))
 
     @classmethod
     def from_rotation_vector(cls, vector: Any) -> "Rotation":
         """Return the rotation of rotation vectors [..., 3]: axis times angle (rad), of any length. The exponential."""
-        return cls(kernels.exp(vector))
+        return cls(rotation_ops.exp(vector))
 
     exp = from_rotation_vector
 
     @classmethod
     def rot_x(cls, angle: Any) -> "Rotation":
         """Return the right-handed rotation about x by an angle [...] (rad)."""
-        return cls(kernels.about_x(angle))
+        return cls(rotation_ops.about_x(angle))
 
     @classmethod
     def rot_y(cls, angle: Any) -> "Rotation":
         """Return the right-handed rotation about y by an angle [...] (rad)."""
-        return cls(kernels.about_y(angle))
+        return cls(rotation_ops.about_y(angle))
 
     @classmethod
     def rot_z(cls, angle: Any) -> "Rotation":
         """Return the right-handed rotation about z by an angle [...] (rad)."""
-        return cls(kernels.about_z(angle))
+        return cls(rotation_ops.about_z(angle))
 
     @classmethod
     def from_rpy(cls, roll: Any, pitch: Any, yaw: Any) -> "Rotation":
         """Return Rz(yaw) Ry(pitch) Rx(roll), each angle [...] in rad: turns about fixed x, then y, then z."""
-        return cls(kernels.from_rpy(roll, pitch, yaw))
+        return cls(rotation_ops.from_rpy(roll, pitch, yaw))
 
     @classmethod
     def from_euler_zyx(cls, z: Any, y: Any, x: Any) -> "Rotation":
         """Return Rz(z) Ry(y) Rx(x), each angle [...] in rad: turns about z, the new y, the newest x."""
-        return cls(kernels.from_rpy(x, y, z))
+        return cls(rotation_ops.from_rpy(x, y, z))
 
     @classmethod
     def from_euler_zyz(cls, z1: Any, y: Any, z2: Any) -> "Rotation":
         """Return Rz(z1) Ry(y) Rz(z2), each angle [...] in rad."""
-        return cls(kernels.from_zyz(z1, y, z2))
+        return cls(rotation_ops.from_zyz(z1, y, z2))
 
     @classmethod
     def from_two_vectors(cls, start: Any, end: Any) -> "Rotation":
@@ -118,13 +118,13 @@ class Rotation(Value):
         Opposite directions turn by pi about an axis perpendicular to ``start`` and to the coordinate axis farthest from it;
         a zero vector gives NaN.
         """
-        return cls(kernels.between(start, end))
+        return cls(rotation_ops.between(start, end))
 
     @classmethod
     def random(cls, key: jax.Array, batch: Sequence[int] = (), dtype: Any = None) -> "Rotation":
         """Return rotations drawn uniformly (Haar measure) for a batch shape."""
         normal = jax.random.normal(key, (*batch, 4), float if dtype is None else dtype)
-        return cls(kernels.normalized(normal))
+        return cls(rotation_ops.normalized(normal))
 
     # ------------------------------------------------------------------ extractors
     def to_quaternion_wxyz(self) -> jax.Array:
@@ -133,11 +133,11 @@ class Rotation(Value):
 
     def to_quaternion_xyzw(self) -> jax.Array:
         """Return the quaternion [..., 4], scalar last, as stored: w may be negative."""
-        return kernels.to_xyzw(self.wxyz)
+        return rotation_ops.to_xyzw(self.wxyz)
 
     def to_matrix(self) -> jax.Array:
         """Return the matrix [..., 3, 3]."""
-        return matrix_of(kernels.to_matrix(self.wxyz))
+        return matrix_of(rotation_ops.to_matrix(self.wxyz))
 
     def to_rotation_vector(self) -> jax.Array:
         """Return the rotation vector [..., 3], of length at most pi. The logarithm.
@@ -146,17 +146,17 @@ class Rotation(Value):
         axis has its largest component positive, the last of equal ones, as in KDL; the vector jumps there, and derivatives are
         those of the branch returned.
         """
-        return kernels.log(self.wxyz)
+        return rotation_ops.log(self.wxyz)
 
     log = to_rotation_vector
 
     def to_axis_angle(self) -> tuple[jax.Array, jax.Array]:
         """Return (angle [...] in [0, pi], unit axis [..., 3]); the axis of the identity is z, with derivatives 0."""
-        return kernels.to_axis_angle(self.wxyz)
+        return rotation_ops.to_axis_angle(self.wxyz)
 
     def angle(self) -> jax.Array:
         """Return the angle of rotation [...] in [0, pi]; its derivative at the identity is set to 0."""
-        return kernels.angle(self.wxyz)
+        return rotation_ops.angle(self.wxyz)
 
     def to_rpy(self) -> tuple[jax.Array, jax.Array, jax.Array]:
         """Return (roll, pitch, yaw), each [...]: pitch in [-pi/2, pi/2], the others in (-pi, pi].
@@ -164,7 +164,7 @@ class Rotation(Value):
         At gimbal lock, pitch = +-pi/2 within rounding, roll is 0 and yaw holds the whole turn; derivatives are finite
         there: those of pitch are 0, those of yaw are of the turn with roll held at 0.
         """
-        return kernels.to_rpy(self.wxyz)
+        return rotation_ops.to_rpy(self.wxyz)
 
     def to_euler_zyx(self) -> tuple[jax.Array, jax.Array, jax.Array]:
         """Return (z, y, x), each [...]: ``to_rpy`` in reverse order."""
@@ -176,19 +176,19 @@ class Rotation(Value):
 
         Where y is 0 or pi within rounding z2 is 0, z1 holds the whole turn and the derivatives of y are 0.
         """
-        return kernels.to_zyz(self.wxyz)
+        return rotation_ops.to_zyz(self.wxyz)
 
     def unit_x(self) -> jax.Array:
         """Return the x axis of b in a [..., 3]: the first column of the matrix."""
-        return kernels.unit_x(self.wxyz)
+        return rotation_ops.unit_x(self.wxyz)
 
     def unit_y(self) -> jax.Array:
         """Return the y axis of b in a [..., 3]: the second column of the matrix."""
-        return kernels.unit_y(self.wxyz)
+        return rotation_ops.unit_y(self.wxyz)
 
     def unit_z(self) -> jax.Array:
         """Return the z axis of b in a [..., 3]: the third column of the matrix."""
-        return kernels.unit_z(self.wxyz)
+        return rotation_ops.unit_z(self.wxyz)
 
     def with_unit_x(self, vector: Any) -> "Rotation":
         """Return the rotation turned the shortest way so that its x axis has the direction of a vector [..., 3]."""
@@ -206,20 +206,20 @@ class Rotation(Value):
     def __matmul__(self, other: Any) -> Any:
         """Return ``a_R_b @ b_R_c``, or vectors [..., 3], twists, wrenches, velocities, accelerations turned from b axes to a axes."""
         if isinstance(other, Rotation):
-            return Rotation(kernels.compose(self.wxyz, other.wxyz))
+            return Rotation(rotation_ops.compose(self.wxyz, other.wxyz))
         if isinstance(other, Based):
             return other.change_base(self)
         if isinstance(other, Value):
             return NotImplemented
-        return kernels.rotate(self.wxyz, other)
+        return rotation_ops.rotate(self.wxyz, other)
 
     def inverse(self) -> "Rotation":
         """Return ``b_R_a``."""
-        return Rotation(kernels.conjugate(self.wxyz))
+        return Rotation(rotation_ops.conjugate(self.wxyz))
 
     def normalize(self) -> "Rotation":
         """Return the same rotation with a unit quaternion, after long products."""
-        return Rotation(kernels.normalized(self.wxyz))
+        return Rotation(rotation_ops.normalized(self.wxyz))
 
     def rotate_local_x(self, angle: Any) -> "Rotation":
         """Return ``self @ rot_x(angle)``: turned about the own x axis by an angle [...] (rad)."""
@@ -236,11 +236,11 @@ class Rotation(Value):
     # ------------------------------------------------------------------ distances, means, Jacobians
     def distance(self, other: "Rotation") -> jax.Array:
         """Return the angle [...] in [0, pi] of the rotation between two; its derivative where they are equal is set to 0."""
-        return kernels.distance(self.wxyz, other.wxyz)
+        return rotation_ops.distance(self.wxyz, other.wxyz)
 
     def slerp(self, other: "Rotation", fraction: Any) -> "Rotation":
         """Return the rotation at a fraction [...] of the shortest way to another, at constant rate; beyond [0, 1] it extrapolates."""
-        return Rotation(kernels.slerp(self.wxyz, other.wxyz, fraction))
+        return Rotation(rotation_ops.slerp(self.wxyz, other.wxyz, fraction))
 
     def mean(self, weights: Any = None, axis: int = 0) -> "Rotation":
         """Return the mean over a batch axis, with weights [...] of the batch shape (default: equal).
@@ -250,27 +250,27 @@ class Rotation(Value):
         eigenvalue is simple: always when all lie within pi/2 of one rotation. Where it is not unique (two rotations by pi apart)
         one minimiser is returned and derivatives are not finite.
         """
-        return Rotation(averages.mean(self.broadcast_to(self.shape).wxyz, weights, axis))
+        return Rotation(rotation_ops.mean(self.broadcast_to(self.shape).wxyz, weights, axis))
 
     @staticmethod
     def left_jacobian(vector: Any) -> jax.Array:
         """Return J_l [..., 3, 3] of rotation vectors [..., 3]: exp(v + dv) = exp(J_l dv) exp(v) to first order."""
-        return matrix_of(kernels.left_jacobian(vector))
+        return matrix_of(rotation_ops.left_jacobian(vector))
 
     @staticmethod
     def right_jacobian(vector: Any) -> jax.Array:
         """Return J_r [..., 3, 3] of rotation vectors [..., 3]: exp(v + dv) = exp(v) exp(J_r dv) to first order."""
-        return matrix_of(kernels.right_jacobian(vector))
+        return matrix_of(rotation_ops.right_jacobian(vector))
 
     @staticmethod
     def left_jacobian_inv(vector: Any) -> jax.Array:
         """Return the inverse of J_l [..., 3, 3] of rotation vectors [..., 3]; regular at 0 and at pi, pole at length 2 pi."""
-        return matrix_of(kernels.left_jacobian_inv(vector))
+        return matrix_of(rotation_ops.left_jacobian_inv(vector))
 
     @staticmethod
     def right_jacobian_inv(vector: Any) -> jax.Array:
         """Return the inverse of J_r [..., 3, 3] of rotation vectors [..., 3]; regular at 0 and at pi, pole at length 2 pi."""
-        return matrix_of(kernels.right_jacobian_inv(vector))
+        return matrix_of(rotation_ops.right_jacobian_inv(vector))
 
 
 def _nine(matrix: Any) -> jax.Array:

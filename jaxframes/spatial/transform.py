@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxframes.errors import ShapeError
-from jaxframes.spatial import se3
+from jaxframes.spatial import transform_ops
 from jaxframes.spatial.rotation import Rotation
 from jaxframes.spatial.twist import Twist, Wrench
 from jaxframes.spatial.value import Value, tag
@@ -63,25 +63,25 @@ class Transform(Value):
             longitude: Longitude [...] in radians, east positive.
             height: Height [...] above the ellipsoid in metres.
         """
-        q, p = se3.from_geodetic(latitude, longitude, height)
+        q, p = transform_ops.from_geodetic(latitude, longitude, height)
         return cls(Rotation(q), p)
 
     @classmethod
     def from_dh(cls, a: Any, alpha: Any, d: Any, theta: Any) -> "Transform":
         """Return Rz(theta) Tz(d) Tx(a) Rx(alpha): a link by the parameters of Denavit and Hartenberg (1955), each [...]."""
-        q, p = se3.from_dh(a, alpha, d, theta)
+        q, p = transform_ops.from_dh(a, alpha, d, theta)
         return cls(Rotation(q), p)
 
     @classmethod
     def from_dh_craig1989(cls, a: Any, alpha: Any, d: Any, theta: Any) -> "Transform":
         """Return Rx(alpha) Tx(a) Rz(theta) Tz(d): a link by the modified parameters of Craig (1989), each [...]."""
-        q, p = se3.from_dh_craig1989(a, alpha, d, theta)
+        q, p = transform_ops.from_dh_craig1989(a, alpha, d, theta)
         return cls(Rotation(q), p)
 
     @classmethod
     def exp(cls, twist: Twist) -> "Transform":
         """Return the pose reached from the identity by one unit of time of a constant twist: the exponential of SE(3)."""
-        q, p = se3.exp(twist.angular, twist.linear)
+        q, p = transform_ops.exp(twist.angular, twist.linear)
         return cls(Rotation(q), p)
 
     @classmethod
@@ -95,7 +95,7 @@ class Transform(Value):
     def __matmul__(self, other: Any) -> Any:
         """Return ``a_T_b @ b_T_c``; points [..., 3] mapped to a; a ``Twist`` or ``Wrench`` with base and reference point moved to a."""
         if isinstance(other, Transform):
-            q, p = se3.compose(self.rotation.wxyz, self.translation, other.rotation.wxyz, other.translation)
+            q, p = transform_ops.compose(self.rotation.wxyz, self.translation, other.rotation.wxyz, other.translation)
             return Transform(Rotation(q), p)
         if isinstance(other, (Twist, Wrench)):
             return other.transform(self)
@@ -105,7 +105,7 @@ class Transform(Value):
 
     def apply(self, points: Any) -> jax.Array:
         """Return points [..., 3] given in b, in a."""
-        return se3.apply(self.rotation.wxyz, self.translation, points)
+        return transform_ops.apply(self.rotation.wxyz, self.translation, points)
 
     def apply_vector(self, vectors: Any) -> jax.Array:
         """Return free vectors [..., 3] (directions, forces, velocities) given along b's axes, along a's axes: turned, not moved."""
@@ -113,16 +113,16 @@ class Transform(Value):
 
     def inverse(self) -> "Transform":
         """Return ``b_T_a``."""
-        q, p = se3.inverse(self.rotation.wxyz, self.translation)
+        q, p = transform_ops.inverse(self.rotation.wxyz, self.translation)
         return Transform(Rotation(q), p)
 
     def inverse_apply(self, points: Any) -> jax.Array:
         """Return points [..., 3] given in a, in b."""
-        return se3.inverse_apply(self.rotation.wxyz, self.translation, points)
+        return transform_ops.inverse_apply(self.rotation.wxyz, self.translation, points)
 
     def relative_to(self, observer: "Transform") -> "Transform":
         """Return ``observer.inverse() @ self``: from ``c_T_p`` and ``c_T_o``, ``o_T_p``; differences are taken before turning."""
-        q, p = se3.relative(observer.rotation.wxyz, observer.translation, self.rotation.wxyz, self.translation)
+        q, p = transform_ops.relative(observer.rotation.wxyz, observer.translation, self.rotation.wxyz, self.translation)
         return Transform(Rotation(q), p)
 
     def normalize(self) -> "Transform":
@@ -132,12 +132,12 @@ class Transform(Value):
     # ------------------------------------------------------------------ extractors
     def to_matrix(self) -> jax.Array:
         """Return the homogeneous matrix [..., 4, 4]."""
-        entries = se3.to_matrix(self.rotation.wxyz, self.translation)
+        entries = transform_ops.to_matrix(self.rotation.wxyz, self.translation)
         return entries.reshape(*entries.shape[:-1], 4, 4)
 
     def log(self) -> Twist:
         """Return the twist, in b's axes at b's origin, whose exponential this is: the logarithm of SE(3), angle at most pi."""
-        angular, linear = se3.log(self.rotation.wxyz, self.translation)
+        angular, linear = transform_ops.log(self.rotation.wxyz, self.translation)
         return Twist(linear=linear, angular=angular)
 
     def adjoint(self) -> jax.Array:
@@ -145,7 +145,7 @@ class Transform(Value):
 
         It takes a twist in b's axes at b's origin to a's axes at a's origin.
         """
-        entries = se3.adjoint(self.rotation.wxyz, self.translation)
+        entries = transform_ops.adjoint(self.rotation.wxyz, self.translation)
         return entries.reshape(*entries.shape[:-1], 6, 6)
 
     # ------------------------------------------------------------------ moving along
@@ -159,9 +159,9 @@ class Transform(Value):
 
     def interpolate_separate(self, other: "Transform", fraction: Any) -> "Transform":
         """Return the pose at a fraction [...]: the origin on the straight line, the rotation by ``slerp``."""
-        translation = se3.lerp(self.translation, other.translation, fraction)
+        translation = transform_ops.lerp(self.translation, other.translation, fraction)
         return Transform(self.rotation.slerp(other.rotation, fraction), translation)
 
     def reverse_velocity(self, velocity: SpatialVelocity) -> SpatialVelocity:
         """Return the velocity of a relative to b from that of b relative to a (axes of a): [-R'w; -R'(v - w x l)] in b's axes."""
-        return SpatialVelocity(*se3.reverse_velocity(self.rotation.wxyz, self.translation, velocity.angular, velocity.linear))
+        return SpatialVelocity(*transform_ops.reverse_velocity(self.rotation.wxyz, self.translation, velocity.angular, velocity.linear))

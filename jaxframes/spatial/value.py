@@ -8,9 +8,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxframes.numerics.batch import Batched
 from jaxframes.numerics.components import V3, Quat, rotate
 from jaxframes.numerics.lift import lift
-from jaxframes.spatial.batch import Batched
 from jaxframes.staging.arrays import is_concrete
 
 B = TypeVar("B", bound="Based")

@@ -3,18 +3,16 @@
 Kernels are read by spiceypy in a process of its own, so the caller's kernel pool is never touched.
 """
 
-from jaxframes.spice.attitude import AttitudeTable, CayleyTable
-from jaxframes.spice.compare import compare
-from jaxframes.spice.contents import contents
-from jaxframes.spice.edit import crop, merge
-from jaxframes.spice.find import find_kernels
-from jaxframes.spice.fixed import FixedFrame
-from jaxframes.spice.iau import IauOrientation
+from jaxframes.spice.accuracy import compare
 from jaxframes.spice.kernels import Kernels
-from jaxframes.spice.shipped import example_tables
-from jaxframes.spice.store import load, save
-from jaxframes.spice.tables import OrientationTable, TranslationTable
-from jaxframes.spice.tolerance import Tolerance
+from jaxframes.spice.options import Tolerance
+from jaxframes.spice.reading.kernel_files import find_kernels
+from jaxframes.tables.attitude import AttitudeTable, CayleyTable
+from jaxframes.tables.base import OrientationTable, TranslationTable
+from jaxframes.tables.crop_merge import crop, merge
+from jaxframes.tables.fixed import FixedFrame
+from jaxframes.tables.iau_model import IauOrientation
+from jaxframes.tables.store import contents, example_tables, load, save
 
 __all__ = [
     "AttitudeTable",

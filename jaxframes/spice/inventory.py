@@ -9,21 +9,20 @@ from typing import Any
 import numpy as np
 
 from jaxframes.errors import CoverageError, NoPathError, SpiceError, UnknownBodyError, suggest
-from jaxframes.spatial.calendar import tdb_text
-from jaxframes.spatial.utc import LeapSeconds
-from jaxframes.spice.built_in import J2000, labelled
-from jaxframes.spice.clock import clock_of
-from jaxframes.spice.frame_classes import CK, CLASSES, DYNAMIC, INERTIAL, PCK, SWITCH, anchored
-from jaxframes.spice.iau_read import has_text_pck
-from jaxframes.spice.kernel_source import KernelSource
-from jaxframes.spice.leap import read_leap_seconds
-from jaxframes.spice.names import SSB, Names
-from jaxframes.spice.places import place
-from jaxframes.spice.segments import coverage
-from jaxframes.spice.times import Instant
-from jaxframes.spice.tolerance import Tolerance
+from jaxframes.spice.edge_source_kernels import KernelSource
+from jaxframes.spice.extraction.text_pck import has_text_pck
+from jaxframes.spice.options import Tolerance
+from jaxframes.spice.placing import place
+from jaxframes.spice.reading.clocks import clock_of, read_leap_seconds
+from jaxframes.spice.reading.frame_chain import CK, CLASSES, DYNAMIC, INERTIAL, PCK, SWITCH, anchored
+from jaxframes.spice.reading.naming import SSB, Names
+from jaxframes.spice.reading.segments import coverage
+from jaxframes.tables.instants import Instant
+from jaxframes.tables.naif_ids import J2000, labelled
+from jaxframes.time.calendar import tdb_text
+from jaxframes.time.scales import LeapSeconds
 from jaxframes.tree.builder import TreeBuilder
-from jaxframes.tree.tree import FrameTree
+from jaxframes.tree.frame_tree import FrameTree
 
 
 @dataclass(frozen=True)

@@ -11,19 +11,20 @@ from typing import Any, Self, TypeVar
 import numpy as np
 
 from jaxframes.errors import BadKernelError, CoverageError, MissingKernelError, NoPathError
-from jaxframes.spice import build, extract, orient, translate
-from jaxframes.spice.files import ShortNames, kernel_files
-from jaxframes.spice.frame_classes import INERTIAL
-from jaxframes.spice.hashes import sha256
-from jaxframes.spice.info import Info, Source, decimal
+from jaxframes.spice.extraction import joining, node_segments
+from jaxframes.spice.extraction import orientation as orient
+from jaxframes.spice.extraction import translation as translate
 from jaxframes.spice.inventory import Inventory
-from jaxframes.spice.legs import to_leg
-from jaxframes.spice.paths import on_the_way
-from jaxframes.spice.process import TIMEOUT, CspiceError, KernelProcess
-from jaxframes.spice.segments import Piece, Segment, coverage, handed_over
-from jaxframes.spice.tables import Table, TranslationTable
-from jaxframes.spice.times import Instant, exact_seconds, pairs, reference_day, span_text
-from jaxframes.spice.tolerance import Tolerance
+from jaxframes.spice.options import Tolerance
+from jaxframes.spice.reading.frame_chain import INERTIAL
+from jaxframes.spice.reading.kernel_files import ShortNames, kernel_files, sha256
+from jaxframes.spice.reading.process import TIMEOUT, CspiceError, KernelProcess
+from jaxframes.spice.reading.segment_paths import on_the_way
+from jaxframes.spice.reading.segments import Piece, Segment, coverage, handed_over
+from jaxframes.tables.base import Table, TranslationTable
+from jaxframes.tables.info import Info, Source, decimal
+from jaxframes.tables.instants import Instant, exact_seconds, pairs, reference_day, span_text
+from jaxframes.tables.records import to_leg
 
 T = TypeVar("T", bound=Table)
 
@@ -213,7 +214,7 @@ class Kernels(Inventory):
         """
         of, relative, axes = self._body(target, "target"), self._body(center, "center"), self._axes(frame)["name"]
         found = self._process.call("states", of, relative, axes, np.asarray(times, float), correction, doing="computing states")
-        return found[:, :3] * build.METRES, found[:, 3:] * build.METRES
+        return found[:, :3] * joining.METRES, found[:, 3:] * joining.METRES
 
     def turns(self, *, frame: str, times: Any, relative_to: str = "J2000") -> tuple[np.ndarray, np.ndarray]:
         """Return what CSPICE itself says (``sxform``): rotation matrices o_R_p [n, 3, 3] and angular velocities [n, 3] in rad/s.
@@ -230,7 +231,7 @@ class Kernels(Inventory):
         name: str,
         names: tuple[str, int, str, int, str],
         bounds: tuple[Fraction, Fraction],
-        legs: Sequence[build.HostLeg],
+        legs: Sequence[joining.HostLeg],
         used: Sequence[Piece | Path],
         facts: dict[str, Any] | None = None,
         **more: Any,
@@ -251,12 +252,12 @@ class Kernels(Inventory):
         fields = {"legs": made, "reference": pairs(Fraction(reference)), "span": pairs(*(x - reference for x in bounds)), "info": info}
         return kind(**fields, **more)  # pyright: ignore[reportCallIssue]
 
-    def _join(self, parts: list[tuple[Piece, np.ndarray | None]], sign: int, start: Fraction) -> tuple[build.HostLeg, list[float]]:
+    def _join(self, parts: list[tuple[Piece, np.ndarray | None]], sign: int, start: Fraction) -> tuple[joining.HostLeg, list[float]]:
         records, late = [], handed_over([piece for piece, _ in parts])
         for (piece, rotation), last_instant_taken in zip(parts, late, strict=True):
-            read = replace(extract.read(self._process, piece), late=last_instant_taken)
-            records.append(read if rotation is None else build.rotated(read, rotation))
-        return build.join(records, sign, reference_day(start)), [r.apart for r in records]
+            read = replace(node_segments.read(self._process, piece), late=last_instant_taken)
+            records.append(read if rotation is None else joining.rotated(read, rotation))
+        return joining.join(records, sign, reference_day(start)), [r.apart for r in records]
 
     def _rotation(self, segment: Segment, axes: str) -> np.ndarray | None:
         """Return the matrix from a segment's own inertial frame to another, None where they are the same."""

@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import EdgeError, FrameError, ShapeError, TopologyError
+from jaxframes.model.state import Attachments, State
 from jaxframes.staging.arrays import is_concrete
 from jaxframes.tree.engine import engine
-from jaxframes.tree.state import Attachments, State
 from jaxframes.tree.states import Stateful
 
 KEEP = ("relative", "world", "motion")

@@ -6,16 +6,16 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from jaxframes.edges.attachable import Attachable
+from jaxframes.edges.base import Edge
+from jaxframes.edges.fixed import Fixed
+from jaxframes.edges.mimic import sources
 from jaxframes.errors import DuplicateNameError, EdgeError, TopologyError, UnknownFrameError, UnknownJointError, suggest
-from jaxframes.tree.edges.attachable import Attachable
-from jaxframes.tree.edges.base import Edge
-from jaxframes.tree.edges.rigid import Fixed
-from jaxframes.tree.following import sources
-from jaxframes.tree.grouping import families, strengthened
-from jaxframes.tree.properties import Properties, freeze, thaw
-from jaxframes.tree.topology import Topology
-from jaxframes.tree.tree import FrameTree
-from jaxframes.tree.ways import LARGE
+from jaxframes.kinematics.plan import LARGE
+from jaxframes.model.parameters import families, strengthened
+from jaxframes.model.properties import Properties, freeze, thaw
+from jaxframes.model.topology import Topology
+from jaxframes.tree.frame_tree import FrameTree
 
 
 class TreeBuilder:

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 import jax
 
 from jaxframes.errors import TopologyError
+from jaxframes.model.state import State
 from jaxframes.spatial import Motion, SpatialAcceleration, SpatialVelocity, Transform
 from jaxframes.tree import solve
-from jaxframes.tree.state import State
 
 if TYPE_CHECKING:
-    from jaxframes.tree.tree import FrameTree
+    from jaxframes.tree.frame_tree import FrameTree
 
 
 @jax.tree_util.register_dataclass

@@ -6,8 +6,8 @@ from typing import Any
 import jax
 import numpy as np
 
+from jaxframes.model.state import State
 from jaxframes.tree.attaching import hangs_on
-from jaxframes.tree.state import State
 
 
 def check(tree: Any, state: State) -> tuple[str, ...]:

@@ -2,11 +2,11 @@
 
 from typing import Any
 
+from jaxframes.kinematics.plan import over_all_frames
+from jaxframes.model.state import State
+from jaxframes.model.structure import Structure
 from jaxframes.tree.check import check
-from jaxframes.tree.state import State
-from jaxframes.tree.structure import Structure
 from jaxframes.tree.text import DumpOptions, explain, format_tree, path_in_state
-from jaxframes.tree.ways import over_all_frames
 
 
 class Described(Structure):

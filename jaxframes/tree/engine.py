@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 import jax
 
 if TYPE_CHECKING:
+    from jaxframes.kinematics.apparent import ApparentState, Looking
+    from jaxframes.model.state import State
     from jaxframes.spatial import Motion, Transform
-    from jaxframes.tree.apparent import ApparentState, Looking
-    from jaxframes.tree.state import State
-    from jaxframes.tree.tree import FrameTree
+    from jaxframes.tree.frame_tree import FrameTree
 
 
 class Engine(Protocol):

@@ -7,8 +7,8 @@ import jax
 import numpy as np
 
 from jaxframes.errors import EdgeError
+from jaxframes.model.state import State
 from jaxframes.tree.builder import TreeBuilder
-from jaxframes.tree.state import State
 
 
 def extract(tree: Any, root: str, prefix: str) -> Any:

@@ -2,13 +2,13 @@
 
 from typing import Any
 
+from jaxframes.edges.attachable import Attachable
+from jaxframes.edges.base import Edge
+from jaxframes.edges.fixed import Fixed
 from jaxframes.errors import EdgeError, FrameError, TopologyError
+from jaxframes.model.state import State
 from jaxframes.spatial import Transform
 from jaxframes.tree.builder import TreeBuilder
-from jaxframes.tree.edges.attachable import Attachable
-from jaxframes.tree.edges.base import Edge
-from jaxframes.tree.edges.rigid import Fixed
-from jaxframes.tree.state import State
 
 
 def reattached(tree: Any, frame: str, to: str, state: State, keep: str) -> Any:

@@ -5,12 +5,12 @@ from typing import Any
 
 import jax
 
+from jaxframes.edges.mimic import Mimic
 from jaxframes.errors import MissingInputError, TopologyError
+from jaxframes.model import joint_values
+from jaxframes.model.joint_space import Manifold, same_batch
+from jaxframes.model.state import State
 from jaxframes.spatial import Motion, SpatialAcceleration, SpatialVelocity, Transform
-from jaxframes.tree import joints
-from jaxframes.tree.edges.mimic import Mimic
-from jaxframes.tree.manifold import Manifold, same_batch
-from jaxframes.tree.state import State
 
 
 class Stateful(Manifold):
@@ -28,22 +28,22 @@ class Stateful(Manifold):
             time: ``Epoch``, or seconds past J2000 TDB [...]. Needed by queries that cross a table.
 
         Raises:
-            ShapeError: An array does not fit the tree's joints.
+            ShapeError: An array does not fit the tree's joint_values.
             UnknownJointError: A mapping names a joint that does not exist.
         """
-        return joints.make_state(self, q, qd, qdd, time)
+        return joint_values.make_state(self, q, qd, qdd, time)
 
     def set_q(self, state: State, values: Mapping[str, Any]) -> State:
         """Return a state with the coordinates of the joints named replaced (UnknownJointError, ShapeError)."""
-        return state.replace(q=joints.set_named(self.topology, state.q, values, "q"))
+        return state.replace(q=joint_values.set_named(self.topology, state.q, values, "q"))
 
     def set_qd(self, state: State, values: Mapping[str, Any]) -> State:
         """Return a state with the rates of the joints named replaced (UnknownJointError, ShapeError)."""
-        return state.replace(qd=joints.set_named(self.topology, state.qd, values, "qd"))
+        return state.replace(qd=joint_values.set_named(self.topology, state.qd, values, "qd"))
 
     def set_qdd(self, state: State, values: Mapping[str, Any]) -> State:
         """Return a state with the second derivatives of the joints named replaced (UnknownJointError, ShapeError)."""
-        return state.replace(qdd=joints.set_named(self.topology, state.qdd, values, "qdd"))
+        return state.replace(qdd=joint_values.set_named(self.topology, state.qdd, values, "qdd"))
 
     def get_q(self, state: State, name: str) -> jax.Array:
         """Return the coordinates [..., k] of a joint, also of one that follows another (UnknownJointError)."""
@@ -121,7 +121,7 @@ class Stateful(Manifold):
             EdgeError: The frame's edge is none of these.
         """
         motion = Motion(transform, velocity, acceleration)  # pyright: ignore[reportArgumentType]
-        return joints.set_motions(self.topology, state, {name: motion})
+        return joint_values.set_motions(self.topology, state, {name: motion})
 
     def set_motions(self, state: State, motions: Mapping[str, Motion | Transform]) -> State:
         """Return a state with the motions of many prescribed or attachable frames replaced at once.
@@ -136,7 +136,7 @@ class Stateful(Manifold):
             EdgeError: A frame's edge is none of these.
             ShapeError: A motion is none, or its arrays do not fit.
         """
-        return joints.set_motions(self.topology, state, motions)
+        return joint_values.set_motions(self.topology, state, motions)
 
     def coverage(self, state: State) -> Mapping[str, jax.Array]:
         """Return -1 before, 0 inside, +1 after the span of each edge that reads the time, by frame name: int32 [...]."""

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from jaxframes.errors import TopologyError
-from jaxframes.tree.state import State
-from jaxframes.tree.ways import along_path
+from jaxframes.kinematics.plan import along_path
+from jaxframes.model.state import State
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,7 @@ def change(text, path, value):
         (lambda text: "[]", "no tree"),
         (lambda text: change(text, ["jaxframes_tree"], 99), "99"),
         (lambda text: change(text, ["frames", 0, "edge", "type"], "os:path"), "os:path"),
-        (lambda text: change(text, ["frames", 0, "edge", "type"], "jaxframes.tree.edges.rigid:Nothing"), "Nothing"),
+        (lambda text: change(text, ["frames", 0, "edge", "type"], "jaxframes.edges.fixed:Nothing"), "Nothing"),
         (lambda text: change(text, ["frames", 0, "edge", "fields"], {}), "fields"),
         (lambda text: change(text, ["frames", 0], {}), "damaged"),
         (lambda text: change(text, ["frames", 0, "parent"], "nowhere"), "nowhere"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxframes as jf
-from jaxframes.kinematics.whole import BLOCK
+from jaxframes.kinematics.unrolled import BLOCK
 
 COUNTS = (1, BLOCK, BLOCK + 1, 2 * BLOCK + 77)  # none, none, a last block that overlaps the first, a ragged end
 

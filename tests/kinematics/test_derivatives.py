@@ -7,7 +7,7 @@ import pytest
 
 import jaxframes as jf
 from jaxframes.kinematics import plan
-from jaxframes.tree.ways import FEWEST, SPAN
+from jaxframes.kinematics.plan import FEWEST, SPAN
 
 
 def rigid(rng):

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import jaxframes as jf
+from jaxframes.kinematics import plan
 from jaxframes.kinematics.level_blocks import BLOCK
-from jaxframes.tree import ways
 from tests.random_trees import parts, random_tree
 
 
 def bushy_tree(rng, dtype):
-    """More than ``ways.FEWEST`` frames of every kind, hanging at most a few deep, below a table."""
+    """More than ``plan.FEWEST`` frames of every kind, hanging at most a few deep, below a table."""
     tree, state, _ = random_tree(rng, 9, dtype)
     b = jf.TreeBuilder(root="ssb")
     b.add("earth", parent="ssb", edge=jf.spice.example_tables()["earth"])
@@ -28,7 +28,7 @@ def bushy_tree(rng, dtype):
 
 def test_levels_agree_with_single_queries(rng, dtype):
     tree, state = bushy_tree(rng, dtype)
-    assert len(tree.names) >= ways.FEWEST
+    assert len(tree.names) >= plan.FEWEST
     motions = jax.jit(lambda t, s: t.world_motions(s))(tree, state)
     poses = jax.jit(lambda s: tree.world_transforms(s))(state)
     chosen = ("3/f9", "6/f5", "earth", "ssb", "7/f0")

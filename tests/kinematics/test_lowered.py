@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import pytest
 
 import jaxframes as jf
-from jaxframes.kinematics import whole
+from jaxframes.kinematics import unrolled as whole
 from tests.lowered import assert_highest_precision, stages
 
 PANDA = Path(__file__).resolve().parent.parent / "data/robots/panda.urdf"

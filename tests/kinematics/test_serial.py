@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxframes as jf
-from jaxframes.tree.ways import PIECE, repeats
+from jaxframes.kinematics.plan import PIECE, repeats
 
 
 def rigid(rng):

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.numerics.eft import fast_two_sum, two_sum
+from jaxframes.numerics.two_part import fast_two_sum, two_sum
 
 
 def pairs(dtype):

@@ -9,7 +9,7 @@ import pytest
 import spiceypy
 
 import jaxframes as jf
-from jaxframes.spatial.utc import utc_seconds
+from jaxframes.time.scales import utc_seconds
 
 
 def exact(epoch):

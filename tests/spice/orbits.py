@@ -66,12 +66,12 @@ def spinner(times, rpm=4.0, wobble=0.05):
 
 def _turn(q, w, a, axis, angle, rate, rate2):
     """One more turn about an axis of the frame reached so far."""
-    from jaxframes.spice import quaternions as quat
+    from jaxframes.numerics import host_quaternions
 
-    axis = quat.rotate(q, np.broadcast_to(axis, w.shape))
+    axis = host_quaternions.rotate(q, np.broadcast_to(axis, w.shape))
     spin = axis * rate[:, None]
     a = a + axis * rate2[:, None] + np.cross(w, spin)
-    q = quat.multiply(quat.turned(axis * angle[:, None]), q)
+    q = host_quaternions.multiply(host_quaternions.turned(axis * angle[:, None]), q)
     return q, w + spin, a
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxframes as jf
-from jaxframes.numerics.eft import recast_pair
+from jaxframes.numerics.two_part import recast_pair
 
 
 def tree_of_tables():

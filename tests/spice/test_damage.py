@@ -8,7 +8,7 @@ import pytest
 
 import jaxframes as jf
 from jaxframes import errors
-from jaxframes.spice.process import KernelProcess
+from jaxframes.spice.reading.process import KernelProcess
 from tests.spice import made, orbits
 from tests.spice.test_process import pool
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxframes as jf
-from jaxframes.spice import evaluate
+from jaxframes.tables import evaluate
 from tests.spice.test_iau import PCK
 
 

@@ -5,8 +5,8 @@ import pytest
 
 import jaxframes as jf
 from jaxframes.errors import CoverageError, NoPathError, ToleranceError
-from jaxframes.spice.fit_turns import TurnModel
-from jaxframes.spice.state_model import StateModel
+from jaxframes.spice.fitting.orientation import TurnModel
+from jaxframes.spice.fitting.translation_model import StateModel
 from tests.spice import orbits
 
 T = jf.spice.Tolerance

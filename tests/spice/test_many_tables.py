@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import jaxframes as jf
-from jaxframes.spice.attitude import AttitudeTable, CayleyTable
-from jaxframes.spice.evaluate import BLOCK
-from jaxframes.spice.info import Info
-from jaxframes.spice.legs import to_leg
-from jaxframes.spice.tables import OrientationTable, TranslationTable
+from jaxframes.tables.attitude import AttitudeTable, CayleyTable
+from jaxframes.tables.base import OrientationTable, TranslationTable
+from jaxframes.tables.evaluate import BLOCK
+from jaxframes.tables.info import Info
+from jaxframes.tables.records import to_leg
 from tests.compilations import compilations
 from tests.lowered import stages
 

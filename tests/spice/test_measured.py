@@ -44,7 +44,8 @@ def test_positions(kernels, rng, options, position, velocity):
 
 def test_what_a_table_gets_wrong_is_measured(kernels, rng, monkeypatch):
     """Numbers spoiled on the way from the kernel show in the report: it is measured, not copied."""
-    from jaxframes.spice import extract, segments
+    from jaxframes.spice.extraction import node_segments
+    from jaxframes.spice.reading import segments
 
     original = segments.read_records
 
@@ -53,7 +54,7 @@ def test_what_a_table_gets_wrong_is_measured(kernels, rng, monkeypatch):
         records.coefficients[:, 0, 3] += 1e-3  # a metre in x, of the third degree
         return records
 
-    monkeypatch.setattr(extract, "read_records", spoiled)
+    monkeypatch.setattr(node_segments, "read_records", spoiled)
     edge = kernels.translation(target="MOON", center="EARTH BARYCENTER", **SPAN)
     assert measured(edge, "position error") == pytest.approx(1.0, rel=0.05)
     assert measured(edge, "velocity error") == pytest.approx(9 / 172800, rel=0.3)

@@ -7,7 +7,7 @@ import pytest
 
 import jaxframes as jf
 from jaxframes import errors
-from jaxframes.spice.built_in import CENTERS, INERTIAL, NAMES
+from jaxframes.tables.naif_ids import CENTERS, INERTIAL, NAMES
 
 SPAN = {"start": "2026-01-01", "stop": "2026-02-01"}
 TIME = 820497600.0 + 86400.0

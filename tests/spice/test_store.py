@@ -11,7 +11,7 @@ import pytest
 
 import jaxframes as jf
 from jaxframes.errors import TableError
-from jaxframes.spice import store
+from jaxframes.tables import store
 from tests.spice import made
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jaxframes as jf
-from jaxframes.tree.topology import Topology
+from jaxframes.model.topology import Topology
 
 
 def random_topology(rng, count):

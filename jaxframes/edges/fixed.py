@@ -1,0 +1,86 @@
+"""Edges without coordinates: fixed mounts, and motions prescribed by the state."""
+
+from typing import Any, ClassVar
+
+from jaxframes.edges.base import Edge, Inputs, family
+from jaxframes.errors import EdgeError
+from jaxframes.numerics.components import V3, Quat
+from jaxframes.numerics.rigid import Rigid
+from jaxframes.numerics.steps import Step
+from jaxframes.spatial import Transform
+from jaxframes.staging.columns import parameters
+
+
+def checked_pose(pose: Any, family_name: str) -> Transform:
+    """Return a pose given to an edge; the identity for None (EdgeError for anything that is no ``Transform``)."""
+    if pose is None:
+        return Transform.identity()
+    if not isinstance(pose, Transform):
+        raise EdgeError(f"{family_name} takes a jf.Transform, found {type(pose).__name__}; Transform.from_matrix reads a 4x4 matrix")
+    return pose
+
+
+def placement_components(transform: Transform, batch_rank: int) -> tuple[Quat, V3]:
+    """Return the rotation and translation of a parameter as components."""
+    return Quat(*parameters(transform.rotation.wxyz, batch_rank)), V3(*parameters(transform.translation, batch_rank))
+
+
+@family()
+class Fixed(Edge):
+    """A rigid mount: the child stays where the transform puts it.
+
+    Attributes:
+        transform: Pose of the child in the parent, ``parent_T_child``.
+
+    Example:
+        >>> import jaxframes as jf
+        >>> mount = jf.edges.Fixed(jf.Transform.from_translation((0.0, 0.0, 0.1)))
+    """
+
+    transform: Transform
+
+    def __init__(self, transform: Transform | None = None):
+        object.__setattr__(self, "transform", checked_pose(transform, "Fixed"))
+
+    def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
+        rotation, translation = placement_components(self.transform, inputs.batch_rank)
+        return (Rigid(rotation, translation),)
+
+
+@family(static=("accelerations",))
+class Prescribed(Edge):
+    """A motion that the caller supplies in the state: pose, velocity and acceleration, three independent inputs.
+
+    It starts at the identity and at rest; ``tree.set_motion`` gives it values. Nothing checks that they are consistent.
+
+    Attributes:
+        accelerations: Whether accelerations of chains through this edge may be asked for.
+    """
+
+    stacks: ClassVar[bool] = True
+    is_prescribed: ClassVar[bool] = True
+    accelerations: bool
+
+    def __init__(self, supports_accelerations: bool = True):
+        if not isinstance(supports_accelerations, bool):
+            raise EdgeError(f"Prescribed(supports_accelerations=...) takes True or False, not {supports_accelerations!r}")
+        object.__setattr__(self, "accelerations", supports_accelerations)
+
+    @property
+    def dof(self) -> int:
+        return 6
+
+    @property
+    def state_size(self) -> int:
+        return 7
+
+    @property
+    def supports_accelerations(self) -> bool:
+        return self.accelerations
+
+    def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
+        assert inputs.prescribed is not None
+        return (inputs.prescribed,)
+
+    def describe(self) -> str:
+        return "prescribed" if self.accelerations else "prescribed, no accelerations"

@@ -1,0 +1,183 @@
+"""What all joints share: a placement before the motion, limits, and how a user's axes and limits are checked."""
+
+from typing import Any, ClassVar, Self
+
+import jax
+import numpy as np
+
+from jaxframes.edges.base import KEPT, Edge, Inputs
+from jaxframes.edges.fixed import placement_components
+from jaxframes.errors import EdgeError
+from jaxframes.numerics.components import V3, Component, mul
+from jaxframes.numerics.steps import Coordinate
+from jaxframes.spatial import Transform
+from jaxframes.staging.arrays import as_float, is_concrete, unit
+from jaxframes.staging.columns import parameters
+
+
+def unit_axis(axis: Any) -> jax.Array:
+    """Return an axis [..., 3] at unit length.
+
+    Raises:
+        EdgeError: The axis is not three finite numbers, or is zero.
+    """
+    if isinstance(axis, jax.Array) and not is_concrete(axis):
+        return axis
+    try:
+        numbers = np.asarray(axis, np.float64)
+    except (TypeError, ValueError):
+        raise EdgeError(f"a joint axis needs three numbers, found {axis!r}") from None
+    if numbers.shape[-1:] != (3,):
+        raise EdgeError(f"a joint axis needs three numbers, found shape {numbers.shape}: {axis!r}")
+    length = np.linalg.norm(numbers, axis=-1, keepdims=True)
+    if not np.all(np.isfinite(numbers)) or np.any(length < 1e-12):
+        raise EdgeError(f"a joint axis must be finite and not zero, found {numbers.tolist()}; give a direction such as (0, 0, 1)")
+    return as_float(np.where(np.abs(length - 1.0) < 4e-16, numbers, numbers / length))
+
+
+def as_bounds(limits: Any, count: int = 1) -> tuple[float, ...]:
+    """Return limits (lower, upper), each a number or one for each coordinate, as 2 count numbers; None means unlimited.
+
+    Raises:
+        EdgeError: The limits are reversed, not two numbers for each coordinate, or traced.
+    """
+    _known(limits, "joint limits")
+    try:
+        if limits is None:
+            bounds = np.repeat((-np.inf, np.inf), count)
+        elif count == 1:
+            bounds = np.asarray(limits, np.float64)
+        else:
+            bounds = np.concatenate([np.broadcast_to(np.asarray(side, np.float64), (count,)) for side in limits])
+    except (TypeError, ValueError):
+        bounds = np.empty(0)
+    if bounds.shape != (2 * count,) or np.any(np.isnan(bounds)):
+        raise EdgeError(f"joint limits are (lower, upper){f' for {count} coordinates' if count > 1 else ''}, found {limits!r}")
+    low, high = bounds[:count], bounds[count:]
+    if np.any(low > high):
+        raise EdgeError(f"joint limits are reversed: lower {low} is above upper {high}; swap them")
+    return tuple(bounds.tolist())
+
+
+def as_caps(caps: Any, count: int, what: str) -> tuple[float, ...]:
+    """Return the largest magnitudes allowed, one for each rate; None means unlimited (EdgeError for negative or wrong ones)."""
+    _known(caps, f"{what} limits")
+    try:
+        numbers = np.broadcast_to(np.asarray(np.inf if caps is None else caps, np.float64), (count,))
+    except (TypeError, ValueError):
+        raise EdgeError(f"{what} limits are one number, or one for each of {count} rates; found {caps!r}") from None
+    if not np.all(numbers >= 0):
+        raise EdgeError(f"{what} limits are magnitudes and cannot be negative, found {caps!r}")
+    return tuple(numbers.tolist())
+
+
+def _known(values: Any, what: str) -> None:
+    """Refuse traced numbers where a static field needs known ones."""
+    if not all(map(is_concrete, jax.tree.leaves(values))):
+        raise EdgeError(f"{what} are static, so they cannot be traced; give them as numbers, outside of jit, grad and vmap")
+
+
+def one_number(value: Any, what: str) -> jax.Array:
+    """Return one number as a parameter [1], or batches of one [..., 1] as they are (EdgeError if it is not finite)."""
+    if isinstance(value, jax.Array) and not is_concrete(value):
+        return value[None] if value.ndim == 0 else value
+    try:
+        numbers = np.asarray(value, np.float64)
+    except (TypeError, ValueError):
+        raise EdgeError(f"{what} is one number, found {value!r}") from None
+    numbers = numbers[None] if numbers.ndim == 0 else numbers
+    if numbers.shape[-1:] != (1,) or not np.all(np.isfinite(numbers)):
+        raise EdgeError(f"{what} is one finite number, found {value!r}")
+    return as_float(numbers)
+
+
+class Joint(Edge):
+    """What all joints share: a placement before the motion, limits, and whether the joint is driven.
+
+    Attributes:
+        placement: Pose of the joint in the parent where all its coordinates are neutral.
+        limits: Lower bounds of all coordinates, then upper bounds, 2 nq numbers: rad or m, infinite where unlimited. Kept for
+            ``tree.clamp``, ``tree.random`` and ``tree.check``; no query enforces them. Static, as all limits are: no parameters that an
+            optimiser would see.
+        velocity_limits: Largest magnitude of each rate, nv numbers, infinite where unlimited. Kept, not enforced.
+        effort_limits: Largest torque or force of each rate, nv numbers (N m or N). Kept, not enforced.
+        active: Whether the joint is driven (static). Kept, no query reads it.
+    """
+
+    placement: Transform
+    limits: tuple[float, ...]
+    velocity_limits: tuple[float, ...]
+    effort_limits: tuple[float, ...]
+    active: bool
+
+    def _share(self, placement: Transform | None, limits: Any, velocity_limits: Any, effort_limits: Any, active: bool) -> None:
+        if placement is not None and not isinstance(placement, Transform):
+            raise EdgeError(f"placement must be a jf.Transform, found {type(placement).__name__}: {placement!r}")
+        if not isinstance(active, bool):
+            raise EdgeError(f"{type(self).__name__}(active=...) takes True or False, not {active!r}")
+        put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
+        put("placement", Transform.identity() if placement is None else placement)
+        put("limits", as_bounds(limits, self.nq))
+        put("velocity_limits", as_caps(velocity_limits, self.nv, "velocity"))
+        put("effort_limits", as_caps(effort_limits, self.nv, "effort"))
+        put("active", active)
+
+    def limits_of(self) -> tuple[Any, Any] | None:
+        """Return the lower and upper bounds [nq]."""
+        return np.asarray(self.limits[: self.nq]), np.asarray(self.limits[self.nq :])
+
+    def checked_fact(self, name: str, value: Any) -> Any:
+        if name == "limits":
+            return as_bounds(value, self.nq)
+        if name in ("velocity_limits", "effort_limits"):
+            return as_caps(value, self.nv, name.removesuffix("_limits"))
+        return super().checked_fact(name, value)
+
+    def bare(self) -> Edge:
+        return self.replace(**dict.fromkeys(KEPT))
+
+    def _placed(self, inputs: Inputs) -> dict[str, Any]:
+        rotation, translation = placement_components(self.placement, inputs.batch_rank)
+        return {"rotation": rotation, "translation": translation}
+
+
+def coordinate(inputs: Inputs, i: int, scale: Component = 1.0) -> Coordinate:
+    """Return the i-th coordinate of an edge with its derivatives, times a scale."""
+    return Coordinate(mul(inputs.q[i], scale), mul(inputs.qd[i], scale), mul(inputs.qdd[i], scale))
+
+
+class AxisJoint(Joint):
+    """What joints with one axis share."""
+
+    nq: ClassVar[int] = 1
+    nv: ClassVar[int] = 1
+    axis: jax.Array
+
+    def __init__(
+        self,
+        axis: Any = (0.0, 0.0, 1.0),
+        placement: Transform | None = None,
+        limits: Any = None,
+        velocity_limits: Any = None,
+        effort_limits: Any = None,
+        active: bool = True,
+    ):
+        object.__setattr__(self, "axis", unit_axis(axis))
+        self._share(placement, limits, velocity_limits, effort_limits, active)
+
+    def normalized(self) -> Self:
+        return super().normalized().replace(axis=unit(self.axis))
+
+    def directions(self) -> dict[str, Any]:
+        return {"axis": self.axis}
+
+    def describe(self) -> str:
+        """Return the kind and the axis."""
+        name = type(self).__name__.lower()
+        if not isinstance(self.axis, (jax.Array, np.ndarray)) or not is_concrete(self.axis) or np.ndim(self.axis) != 1:
+            return name
+        word = "along" if not any(self.angles()) else "about"
+        return f"{name} {word}" + " ({:.3g}, {:.3g}, {:.3g})".format(*np.asarray(self.axis, float))
+
+    def _parts(self, inputs: Inputs) -> dict[str, Any]:
+        return {"axis": V3(*parameters(self.axis, inputs.batch_rank)), **self._placed(inputs)}

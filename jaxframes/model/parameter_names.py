@@ -1,0 +1,157 @@
+"""Parameters by name: ``"camera.placement.translation"`` is the translation of the mount of the frame ``camera``.
+
+A parameter is a number that queries depend on and optimisers may change: mounts, axes, pitches, multipliers, coefficients of tables. Its
+name is the frame's, a dot, and the path of fields within the frame's edge. Limits are static, so they are none; they are read and set by
+the same names all the same.
+"""
+
+import fnmatch
+import functools
+from collections.abc import Mapping
+from typing import Any, Self
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxframes.edges.base import Edge
+from jaxframes.errors import FrameError, ShapeError, UnknownFrameError, suggest
+from jaxframes.model.structure import Structure
+from jaxframes.staging.arrays import as_float
+
+
+class Parameters(Structure):
+    """What a tree can do with its own numbers by their names; everything here can be jitted and differentiated."""
+
+    def parameter_names(self, *patterns: str) -> tuple[str, ...]:
+        """Return the names of the tree's parameters, in the order of its leaves.
+
+        Args:
+            patterns: Names, beginnings of names that end before a dot, or patterns with ``*``, ``?`` and ``[...]``, as for ``mask``.
+                Default: all.
+
+        Raises:
+            FrameError: A pattern fits no parameter.
+        """
+        return tuple(name for name, chosen in zip(self._names, self._chosen(patterns or ("*",)), strict=True) if chosen)
+
+    def mask(self, *patterns: str) -> Self:
+        """Return a tree of the same structure with True for the parameters chosen and False for the others, as optax and equinox take it.
+
+        Args:
+            patterns: ``"camera.placement"`` for a field with all that it holds, ``"camera"`` for a frame, ``"arm/*.axis"`` for many.
+
+        Raises:
+            FrameError: A pattern fits no parameter; close names are suggested.
+
+        Example:
+            >>> import jax, jaxframes as jf
+            >>> b = jf.TreeBuilder()
+            >>> b.add("camera", parent="world", edge=jf.edges.Fixed())
+            >>> jax.tree.leaves(b.build().mask("camera.transform.translation"))
+            [False, True]
+        """
+        return jax.tree.unflatten(jax.tree.structure(self), self._chosen(patterns))
+
+    def get(self, name: str) -> Any:
+        """Return a parameter, or a field with all that it holds: an array, or a value such as a ``Transform``.
+
+        Args:
+            name: ``"camera.placement"``, ``"camera.placement.translation"``, ``"arm/j1.limits"``, or a frame's name for its edge.
+
+        Raises:
+            UnknownFrameError: No frame has that name.
+            FrameError: Its edge has no such field.
+        """
+        frame, fields = self._split(name)
+        return functools.reduce(lambda value, field: self._field(value, field, name), fields, self._edge(frame))
+
+    def with_values(self, values: Mapping[str, Any]) -> Any:
+        """Return a tree with parameters replaced by name; nothing retraces, and derivatives by the values are exact.
+
+        Args:
+            values: For each name (as for ``get``) an array-like [..., k] or a value of the same kind; batch axes may lead. Limits are plain
+                numbers.
+
+        Raises:
+            UnknownFrameError: A name begins with no frame's.
+            FrameError: A frame's edge has no such field.
+            ShapeError: A value does not fit its parameter.
+        """
+        edges = list(self.frame_edges)
+        for name, value in values.items():
+            frame, fields = self._split(name)
+            if frame == 0:
+                raise FrameError(f"{name!r} is the root, which hangs on nothing and has no parameters")
+            edges[frame - 1] = _replaced(edges[frame - 1], fields, value, name, self)
+        return self._with_edges(tuple(edges))
+
+    def _with_edges(self, edges: tuple[Edge, ...]) -> Any:
+        raise NotImplementedError
+
+    @functools.cached_property
+    def _names(self) -> tuple[str, ...]:
+        paths = jax.tree_util.tree_flatten_with_path(self)[0]
+        return tuple(jax.tree_util.keystr(path, simple=True, separator=".") for path, _ in paths)
+
+    def _chosen(self, patterns: tuple[str, ...]) -> list[bool]:
+        chosen = [False] * len(self._names)
+        for pattern in patterns:
+            fits = [name == pattern or name.startswith(f"{pattern}.") for name in self._names]
+            if not any(fits):
+                fits = [fnmatch.fnmatchcase(name, pattern) or fnmatch.fnmatchcase(name, f"{pattern}.*") for name in self._names]
+            if not any(fits):
+                raise FrameError(
+                    f"no parameter is called {pattern!r} or fits it.{suggest(pattern, self._names)} See tree.parameter_names()"
+                )
+            chosen = [a or b for a, b in zip(chosen, fits, strict=True)]
+        return chosen
+
+    def _split(self, name: str) -> tuple[int, tuple[str, ...]]:
+        """Return the frame that a name begins with, the longest that fits, and the fields that follow."""
+        index, parts = self.topology.index_of, name.split(".")
+        for count in range(len(parts), 0, -1):
+            frame = ".".join(parts[:count])
+            if frame in index:
+                return index[frame], tuple(parts[count:])
+        raise UnknownFrameError(f"{name!r} does not begin with the name of a frame.{suggest(parts[0], self.names)}")
+
+    def _field(self, value: Any, field: str, name: str) -> Any:
+        if isinstance(value, tuple) and field.isdecimal() and int(field) < len(value):
+            return value[int(field)]
+        fields = getattr(type(value), "__dataclass_fields__", {})
+        if field not in fields:
+            known = fields or (map(str, range(len(value))) if isinstance(value, tuple) else ())
+            raise FrameError(f"{name!r}: there is no field {field!r} in {value!r}.{suggest(field, [f for f in known if f != 'kind'])}")
+        return getattr(value, field)
+
+
+def _replaced(value: Any, fields: tuple[str, ...], new: Any, name: str, tree: Parameters) -> Any:
+    """Return a value in which what a path of fields leads to is replaced."""
+    if not fields:
+        return _fitted(value, new, name)
+    first, *rest = fields
+    inner = _replaced(tree._field(value, first, name), tuple(rest), new, name, tree)
+    if isinstance(value, tuple):
+        return tuple(inner if i == int(first) else item for i, item in enumerate(value))
+    if isinstance(value, Edge) and first not in value.parameter_fields():
+        inner = value.checked_fact(first, inner)
+    return value.replace(**{first: inner})
+
+
+def _fitted(old: Any, new: Any, name: str) -> Any:
+    """Return a new value in the structure and dtypes of an old one."""
+    leaves, structure = jax.tree.flatten(old)
+    if not leaves or not all(isinstance(leaf, (jax.Array, np.ndarray)) for leaf in leaves):
+        return new
+    if jax.tree.structure(new) == structure:
+        given = jax.tree.leaves(new)
+    elif len(leaves) == 1:
+        given = [as_float(new)]
+    else:
+        raise ShapeError(f"{name!r} takes a value such as {old!r}, found {new!r}")
+    given = [jnp.asarray(b)[None] if np.ndim(b) == 0 and a.shape[-1] == 1 else jnp.asarray(b) for a, b in zip(leaves, given, strict=True)]
+    for before, after in zip(leaves, given, strict=True):
+        if after.ndim == 0 or after.shape[-1] != before.shape[-1]:
+            raise ShapeError(f"{name!r} takes arrays [..., {before.shape[-1]}], found shape {after.shape}")
+    return jax.tree.unflatten(structure, [b.astype(a.dtype) for a, b in zip(leaves, given, strict=True)])

@@ -1,0 +1,1 @@
+"""Tables fitted to what CSPICE computes, within a tolerance or a size."""

@@ -1,0 +1,168 @@
+"""Frames of a tree by SPICE ids: finding the one for a body and a frame, or hanging it where it belongs."""
+
+import contextlib
+import itertools
+from collections.abc import Collection
+from fractions import Fraction
+from typing import Protocol
+
+from jaxframes.edges.base import Edge
+from jaxframes.errors import CoverageError, DuplicateNameError, NoPathError, UnknownBodyError
+from jaxframes.tables.instants import span_text
+from jaxframes.tables.naif_ids import INERTIAL, J2000, labelled
+from jaxframes.tree.builder import TreeBuilder
+
+DEFAULT_FRAME = 999999
+"""Asks for the default frame of a body, as None does; as a number or as text."""
+BODY, FRAME = "spice_body", "spice_frame"
+Key = tuple[int, int]
+"""The ids of a body and of a frame."""
+
+
+class Source(Protocol):
+    """Where edges between SPICE frames come from: kernels, or tables made before."""
+
+    asked: tuple[Fraction | None, Fraction | None]
+    """The span that edges are asked to cover, None where they are not."""
+
+    def body(self, body: str | int) -> tuple[int, str]:
+        """Return the id and name of a body."""
+        ...
+
+    def frame(self, body: int, frame: str | int | None) -> tuple[int, str]:
+        """Return the id and name of a frame; the default frame of a body for None."""
+        ...
+
+    def centered(self, body: int, frame: int) -> bool:
+        """Whether a body is the centre of a frame."""
+        ...
+
+    def base(self, frame: int) -> tuple[int, str]:
+        """Return the frame that an orientation edge of a frame starts from."""
+        ...
+
+    def chain(self, body: int, there: Collection[int]) -> list[int]:
+        """Return a body and the bodies that its position is given relative to, link by link, by way of one that is there if possible."""
+        ...
+
+    def translation(self, target: int, center: int) -> Edge:
+        """Return the edge from a body to another, axes J2000."""
+        ...
+
+    def orientation(self, frame: tuple[int, str], base: tuple[int, str]) -> Edge:
+        """Return the edge from a frame to another."""
+        ...
+
+
+def place(builder: TreeBuilder, source: Source, body: str | int, frame: str | int | None) -> str:
+    """Return the name of the frame for a body and a SPICE frame in a builder, added if it is not there.
+
+    A frame with turning axes hangs on the inertial frame (J2000) of its body, or on the frame that it is fixed to; an inertial frame
+    hangs on that of the next body on the way to the Solar System barycentre that is there, with the bodies between added too.
+    """
+    body_id, body_name = source.body(body)
+    wanted = source.frame(body_id, None if str(frame).strip() == str(DEFAULT_FRAME) else frame)
+    before = set(builder.names)
+    try:
+        return _place(builder, source, (body_id, body_name), wanted)
+    except BaseException:
+        for name in [name for name in builder.names if name not in before]:
+            if name in builder.names:  # not gone with one that it hung on
+                builder.remove(name)
+        raise
+
+
+def _place(builder: TreeBuilder, source: Source, body: tuple[int, str], frame: tuple[int, str]) -> str:
+    known = {key: name for name, key in reversed(identities(builder, source).items())}
+    key = body[0], frame[0]
+    if key in known:
+        _check_span(builder, source, known[key])
+        return known[key]
+    if frame[0] == J2000:
+        return _place_inertial(builder, source, body, known)
+    base = source.base(frame[0])
+    parent = _place(builder, source, body, base)
+    wanted = frame[1] if source.centered(body[0], frame[0]) else f"{frame[1]} @ {body[1]}"
+    return _add(builder, wanted, parent, source.orientation(frame, base), body, frame)
+
+
+def _check_span(builder: TreeBuilder, source: Source, name: str) -> None:
+    """Raise CoverageError if tables that a known frame hangs on do not cover the span asked for."""
+    held = {frame: (parent, edge) for frame, parent, edge, _ in builder.frames()}
+    at: str | None = name
+    while at is not None:
+        parent, edge = held[at]
+        info = getattr(edge, "info", None)
+        if info is not None and info.start:
+            have = Fraction(info.start), Fraction(info.stop)
+            low, high = (end if asked is None else asked for asked, end in zip(source.asked, have, strict=True))
+            if low < have[0] or high > have[1]:
+                raise CoverageError(
+                    f"frame {at!r} is in the tree already, with a table that covers {span_text(*have)}, not {span_text(low, high)}: leave "
+                    "start= and stop= out to use it, or build another tree."
+                )
+        at = parent
+
+
+def _place_inertial(builder: TreeBuilder, source: Source, body: tuple[int, str], known: dict[Key, str]) -> str:
+    """Add the J2000 frame of a body."""
+    turned = next((name for (at, axes), name in known.items() if at == body[0] and 1 < axes <= len(INERTIAL)), None)
+    if turned is not None:
+        axes = next(axes for (at, axes), name in known.items() if name == turned)
+        edge = source.orientation((J2000, "J2000"), (axes, INERTIAL[axes - 1]))
+        return _add(builder, body[1], turned, edge, body, (J2000, "J2000"))
+    inertial = {at for at, axes in known if 1 <= axes <= len(INERTIAL)}
+    chain = source.chain(body[0], inertial)
+    there = next((i for i, center in enumerate(chain) if i and center in inertial), None)
+    if there is None:
+        root = next((key for key, name in known.items() if name == builder.root), None)
+        if root is None or root[1] != J2000:
+            raise NoPathError(
+                f"No frame of the tree is one that {labelled(body[1], body[0])} can hang on. "
+                "Name the root 'SSB' or after a body, or say what it is: "
+                f"builder.set_properties({builder.root!r}, {{{BODY!r}: 0, {FRAME!r}: 1}}), with the ids of its body and frame."
+            )
+        chain, there = [body[0], root[0]], 1
+    parent = _place(builder, source, source.body(chain[there]), (J2000, "J2000"))
+    for lower, upper in reversed(list(itertools.pairwise(chain[: there + 1]))):
+        parent = _add(builder, source.body(lower)[1], parent, source.translation(lower, upper), source.body(lower), (J2000, "J2000"))
+    return parent
+
+
+def _add(builder: TreeBuilder, wanted: str, parent: str, edge: Edge, body: tuple[int, str], frame: tuple[int, str]) -> str:
+    name = wanted if wanted not in builder.names else f"{wanted} ({body[0]}, {frame[0]})"
+    if name in builder.names:
+        raise DuplicateNameError(f"frames {wanted!r} and {name!r} exist already and are not {frame[1]} of {body[1]}; rename one of them")
+    facts = {BODY: body[0], FRAME: frame[0], f"{BODY}_name": body[1], f"{FRAME}_name": frame[1]}
+    builder.add(name, parent=parent, edge=edge, properties=facts)
+    return name
+
+
+def identities(builder: TreeBuilder, source: Source) -> dict[str, Key]:
+    """Return the (body id, frame id) of the frames of a builder that have one.
+
+    They say so themselves (properties ``spice_body`` and ``spice_frame``), or tables tell: a table of the Moon from the Earth in J2000
+    hangs between (399, 1) and (301, 1). A root that nothing tells about is the body that it is named after, in J2000.
+    """
+    found: dict[str, Key] = {}
+    frames = list(builder.frames())
+    for name, _, _, facts in frames:
+        if BODY in facts and FRAME in facts:
+            found[name] = int(facts[BODY]), int(facts[FRAME])
+    for name, parent, edge, _ in frames:
+        info = getattr(edge, "info", None)
+        if parent is None or info is None or info.kind != "translation" or info.axes not in INERTIAL:
+            continue
+        axes = INERTIAL.index(info.axes) + 1
+        found.setdefault(parent, (info.relative_id, axes))
+        found.setdefault(name, (info.of_id, axes))
+    if builder.root not in found:
+        with contextlib.suppress(NoPathError, UnknownBodyError):
+            found[builder.root] = source.body(builder.root)[0], J2000
+    for name, parent, edge, _ in frames:
+        info = getattr(edge, "info", None)
+        if name in found or parent not in found or info is None or info.kind == "translation":
+            continue
+        if found[parent][1] == info.relative_id:
+            found[name] = found[parent][0], info.of_id
+    return {name: found[name] for name in builder.names if name in found}

@@ -1,0 +1,1 @@
+"""Reading kernels: the process that holds them, their segments, names, clocks and coverage."""

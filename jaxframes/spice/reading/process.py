@@ -1,0 +1,157 @@
+"""The caller's side of the process that reads kernels: start it, ask it, end it."""
+
+import contextlib
+import subprocess
+import sys
+import threading
+import weakref
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from jaxframes.errors import BadKernelError, MissingKernelError, SpiceError
+from jaxframes.spice.options import is_number
+from jaxframes.spice.reading.worker import receive, send
+
+TIMEOUT = 600.0
+"""Seconds that one answer may take."""
+WORKER = Path(__file__).with_name("worker.py")
+
+
+class CspiceError(SpiceError):
+    """An error that CSPICE signalled, with its short name."""
+
+    def __init__(self, short: str, text: str):
+        super().__init__(f"CSPICE signalled {short}: {text}")
+        self.short = short
+
+
+def checked_timeout(timeout: Any) -> float | None:
+    """Return a time-out in seconds, None for none at all.
+
+    Raises:
+        SpiceError: If it is something else, or longer than a thread can wait.
+    """
+    if timeout is None:
+        return None
+    if is_number(timeout) and 0 < timeout <= threading.TIMEOUT_MAX:
+        return float(timeout)
+    raise SpiceError(f"timeout={timeout!r}: give the seconds that one answer may take, more than zero, or None for any time.")
+
+
+class KernelProcess:
+    """A process with a kernel pool of its own. Calls from several threads take turns."""
+
+    def __init__(self, timeout: float | None = TIMEOUT) -> None:
+        """Start the process.
+
+        Args:
+            timeout: Longest time in seconds that an answer may take, None for any: the process is then ended.
+
+        Raises:
+            SpiceError: If the time is none.
+            MissingKernelError: If spiceypy cannot be imported there.
+        """
+        timeout = checked_timeout(timeout)
+        # -P: the folder of the worker's file holds modules that must not shadow others. By path, not -m: jax stays out of it.
+        self._popen = subprocess.Popen(
+            [sys.executable, "-P", str(WORKER)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+        )
+        self._lock = threading.Lock()
+        # Starting reads no kernel, and takes as long as the machine is busy: the caller's time-out is for requests.
+        self._timeout, self._late = TIMEOUT, False
+        self._finalizer = weakref.finalize(self, _shut, self._popen)
+        self._doing = "starting"
+        try:
+            with self._watched():
+                self._answer()
+        except CspiceError as error:
+            self.close()
+            raise MissingKernelError(f"Kernels are read by spiceypy, which cannot be imported: {error}. Install spiceypy.") from error
+        self._timeout = timeout
+
+    def call(self, method: str, *arguments: Any, doing: str) -> Any:
+        """Return the worker's answer to a request.
+
+        Args:
+            method: A method of ``worker.Reader``.
+            arguments: What it takes.
+            doing: What this is for, named if the process dies over it.
+
+        Raises:
+            CspiceError: If CSPICE signals an error.
+            BadKernelError: If the process dies, or does not answer in time.
+            SpiceError: If it was closed before.
+        """
+        with self._lock:
+            if not self._finalizer.alive:
+                raise SpiceError("These kernels are closed: use them inside their `with` block.")
+            self._doing = doing
+            with self._watched():
+                try:
+                    send(self._popen.stdin, (method, arguments))  # pyright: ignore[reportArgumentType]
+                except OSError as error:
+                    raise self._death() from error
+                return self._answer()
+
+    @contextlib.contextmanager
+    def _watched(self) -> Iterator[None]:
+        """End the process if what is done in the block takes too long: a damaged kernel can send CSPICE round in circles."""
+        if self._timeout is None:
+            yield
+            return
+        timer = threading.Timer(self._timeout, self._give_up)
+        timer.daemon = True
+        timer.start()
+        try:
+            yield
+        finally:
+            timer.cancel()
+
+    def _give_up(self) -> None:
+        self._late = True
+        self._popen.kill()
+
+    def _answer(self) -> Any:
+        try:
+            status, *content = receive(self._popen.stdout)  # pyright: ignore[reportArgumentType]
+        except (EOFError, OSError) as error:
+            raise self._death() from error
+        if status == "failed":
+            raise CspiceError(*content)
+        return content[0]
+
+    def _death(self) -> BadKernelError:
+        """End the process for good and return the error to raise."""
+        self._finalizer()
+        if self._late:
+            return BadKernelError(
+                f"CSPICE did not answer within {self._timeout:g} s while {self._doing}, and was ended: a kernel is damaged, or the work is "
+                "long. Kernels(..., timeout=seconds) allows more time, timeout=None any."
+            )
+        return BadKernelError(
+            f"CSPICE broke down while {self._doing} (exit code {self._popen.returncode}): a kernel is damaged. "
+            "Compare the file's checksum with its source's, or fetch it again."
+        )
+
+    @property
+    def closed(self) -> bool:
+        """Whether the process has ended."""
+        return not self._finalizer.alive
+
+    def close(self) -> None:
+        """End the process; more than once does nothing."""
+        self._finalizer()
+
+
+def _shut(popen: subprocess.Popen[bytes]) -> None:
+    """Close the pipes, which ends the worker, and wait for it."""
+    for stream in (popen.stdin, popen.stdout):
+        if stream is not None:
+            with contextlib.suppress(OSError):  # what was still unsent to a dead worker
+                stream.close()
+    try:
+        popen.wait(timeout=5)
+    except subprocess.TimeoutExpired:
+        popen.kill()
+        popen.wait()

@@ -1,0 +1,228 @@
+"""Attitude tables: knots of C-kernels and fitted Cayley series, evaluated under jit with angular velocity and acceleration."""
+
+import functools
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxframes.edges.base import Inputs, family
+from jaxframes.errors import MissingInputError
+from jaxframes.numerics.components import V3, Component, Quat, cross, dot, quat_mul, rotate, select
+from jaxframes.numerics.rigid import Rigid
+from jaxframes.numerics.steps import Step
+from jaxframes.numerics.trig import sin_cos
+from jaxframes.staging.columns import assemble, take_apart
+from jaxframes.staging.sharding import rows_at
+from jaxframes.staging.stages import stage
+from jaxframes.tables import evaluate
+from jaxframes.tables.base import Table, checked_order, two_parts
+from jaxframes.tables.evaluate import Run
+from jaxframes.tables.info import Info
+from jaxframes.tables.records import Leg
+from jaxframes.tables.report import report
+
+PAYLOAD = 14
+"""Numbers of a knot interval: quaternion at its start, axis, half angle, and two vectors that the mode gives a meaning."""
+MODES = ("smooth", "spice")
+
+
+class Attitude(Table):
+    """What tables of attitudes share. In a gap everything is NaN, gradients included, and the coverage code is +1: after the data."""
+
+    stacks: ClassVar[bool] = False
+
+    @property
+    def other_bytes(self) -> int:
+        """Size of the arrays beside the legs."""
+        return 0
+
+    @property
+    def way(self) -> tuple[Any, str, tuple[jax.Array, ...]]:
+        """The function that evaluates the table, the mode, and the arrays beside the legs."""
+        raise NotImplementedError
+
+    def motion(self, hi: Any, lo: Any, order: int) -> jax.Array:
+        """Return quaternion, angular velocity and angular acceleration as one array [..., 4, 7 or 10]."""
+        way, mode, rest = self.way
+        return way(mode, self.run, rest, hi, lo, order)
+
+    def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
+        """Return one motion: the rotation, without translation."""
+        if inputs.time is None:
+            raise MissingInputError(f"{self.describe()} depends on time: give the state one, tree.state(time=...).")
+        parts = take_apart(self.motion(*inputs.time, order))
+        rates = dict(zip(("angular", "angular2"), (V3(*parts[i : i + 3]) for i in range(4, len(parts), 3)), strict=False))
+        return (Rigid(rotation=Quat(*parts[:4]), **rates),)
+
+    def coverage_code(self, time: Any) -> jax.Array:
+        """Return -1 before the coverage, 0 inside, +1 after it and in gaps: int32 [...]."""
+        hi, lo = two_parts(time)
+        code = evaluate.coverage_code(self.run, hi, lo)
+        leg = self.legs[0]
+        index = leg.record(*evaluate._local(self.run, jnp.asarray(hi), jnp.asarray(lo)))
+        lengths = rows_at(leg.rows, index)[..., -1]
+        return select((code == 0) & jnp.isnan(lengths), np.int32(1), code)
+
+    def describe(self) -> str:
+        """Return the kind of the edge and its frames."""
+        return f"table: {self.info.of} from {self.info.relative_to}"
+
+    def report(self) -> str:
+        """Return what the table is made of, in lines."""
+        return report(self.info, self.legs, False, self.other_bytes)
+
+    def evaluate(self, time: Any, order: int = 2) -> tuple[jax.Array, ...]:
+        """Return the quaternion wxyz [..., 4], angular velocity and angular acceleration [..., 3] in the axes of ``relative_to``.
+
+        Args:
+            time: An ``Epoch`` [...], or seconds past J2000 TDB [...].
+            order: 0, 1 or 2; the first ``order + 1`` of the three are returned.
+        """
+        way, mode, rest = self.way
+        return _arrays(checked_order(order), way, mode, self.run, rest, *two_parts(time))
+
+
+def _knots(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, order: int) -> jax.Array:
+    """Return the motion between knots; ``AttitudeTable`` says how."""
+
+    def work(run: Run, hi: jax.Array, lo: jax.Array) -> jax.Array:
+        run = run.opened(hi.ndim)
+        (leg,) = run.legs
+        dt_hi, dt_lo = evaluate._local(run, hi, lo)
+        row = jnp.moveaxis(rows_at(leg.rows, leg.record(dt_hi, dt_lo)), -1, 0)
+        length = row[-1]
+        u = (((dt_hi - row[-3]) + (dt_lo - row[-2])) + _outside(run, dt_hi, dt_lo)) / length
+        start, axis, half = Quat(*row[:4]), V3(*row[4:7]), row[7]
+        first, second = V3(*row[8:11]), V3(*row[11:14])
+        slerp = quat_mul(_turned(axis, half * u), start)
+        if mode == "spice":
+            return _joined([slerp, first + (second - first) * u, (second - first) * (1 / length)], order)
+        g, g1, g2 = _bubble(first, second, u, length)
+        return _joined(_cayley(g, g1, g2, slerp, axis * (half * 2 / length)), order)
+
+    return stage(work)(run, *evaluate.recast(hi, lo, run.legs[0].rows.dtype))
+
+
+def _series(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, order: int) -> jax.Array:
+    """Return the motion by Cayley series; ``CayleyTable`` says how."""
+
+    def work(run: Run, spins: jax.Array, hi: jax.Array, lo: jax.Array, values: Sequence[jax.Array]) -> jax.Array:
+        run = run.opened(hi.ndim)
+        (leg,) = run.legs
+        dt_hi, dt_lo = evaluate._local(run, hi, lo)
+        index = leg.record(dt_hi, dt_lo)
+        spin = jnp.moveaxis(rows_at(spins, index), -1, 0)
+        times = jnp.moveaxis(rows_at(leg.rows[..., -3:], index), -1, 0)
+        tau = (dt_hi - times[0]) + (dt_lo - times[1])
+        reference = quat_mul(_turned(V3(*spin[4:7]), spin[7] * tau), Quat(*spin[:4]))
+        zero = V3(0.0, 0.0, 0.0)
+        g, g1, g2 = (*(V3(*values[i : i + 3]) for i in range(0, len(values), 3)), zero, zero)[:3]
+        return _joined(_cayley(g, g1, g2, reference, V3(*spin[4:7]) * (spin[7] * 2)), order)
+
+    hi, lo = evaluate.recast(hi, lo, run.legs[0].rows.dtype)
+    return stage(work)(run, *rest, hi, lo, evaluate.evaluate(run, hi, lo, order))
+
+
+def _joined(motion: Sequence[Any], order: int) -> jax.Array:
+    return assemble(tuple(c for group in motion[: order + 1] for c in group))
+
+
+@functools.partial(jax.jit, static_argnums=(0, 1, 2))
+def _arrays(order: int, way: Any, mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any) -> tuple[jax.Array, ...]:
+    whole = way(mode, run, rest, hi, lo, order)
+    return tuple(whole[..., a:b] for a, b in ((0, 4), (4, 7), (7, 10))[: order + 1])
+
+
+@family(static=("mode", "info"))
+class AttitudeTable(Attitude):
+    """The attitude of a C-kernel between its knots, made by ``Kernels.orientation`` of a CK frame.
+
+    ``mode="smooth"``: q(u) = Cayley(g(u)) slerp(u), g(u) = g0 u (1-u)^2 - g1 u^2 (1-u), with g0, g1 so chosen that attitude and angular
+    velocity are the kernel's at every knot. Attitude, rate and acceleration belong together, and the rate is continuous.
+    ``mode="spice"``: what SPICE computes to the last digits: slerp between the knots, and the kernel's angular velocities interpolated
+    linearly; these are not the derivative of that attitude. The acceleration is theirs.
+
+    Attributes:
+        legs: One leg whose rows hold an interval each: quaternion at its start, axis, half angle, two vectors (g0, g1 or the rates), then
+            its start in two parts and its length. A row whose length is NaN is a gap.
+        mode: ``"smooth"`` or ``"spice"``.
+    """
+
+    legs: tuple[Leg, ...]
+    reference: jax.Array
+    span: jax.Array
+    mode: str
+    info: Info
+
+    @property
+    def way(self) -> tuple[Any, str, tuple[jax.Array, ...]]:
+        """The function that evaluates the table, the mode, and the arrays beside the legs."""
+        return _knots, self.mode, ()
+
+
+@family(static=("info",))
+class CayleyTable(Attitude):
+    """An attitude fitted to what CSPICE computes: the Cayley vector of the turn from a uniformly spinning reference, as Chebyshev series.
+
+    q = Cayley(g) exp(spin tau / 2) q_mid, tau from the middle of a record. No frame has a singularity here, and spinners keep low degrees.
+
+    Attributes:
+        legs: One Chebyshev run of g.
+        spins: ``[n, 8]``: for each record q_mid, the axis of the reference spin and half its rate, rad/s.
+    """
+
+    legs: tuple[Leg, ...]
+    reference: jax.Array
+    span: jax.Array
+    spins: jax.Array
+    info: Info
+    by_record: ClassVar[tuple[str, ...]] = ("spins",)
+
+    @property
+    def other_bytes(self) -> int:
+        """Size of the arrays beside the legs."""
+        return self.spins.nbytes
+
+    @property
+    def way(self) -> tuple[Any, str, tuple[jax.Array, ...]]:
+        """The function that evaluates the table, the mode, and the arrays beside the legs."""
+        return _series, "", (self.spins,)
+
+
+def _outside(run: Run, dt_hi: jax.Array, dt_lo: jax.Array) -> jax.Array:
+    since, until = evaluate._margins(run, dt_hi, dt_lo)
+    return select((since >= 0) & (until >= 0), np.zeros((), dt_hi.dtype), np.array(np.nan, dt_hi.dtype))
+
+
+def _turned(axis: V3, half: Component) -> Quat:
+    """Return the rotation about a unit axis by twice an angle."""
+    s, c = sin_cos(half)
+    return Quat(c, *(axis * s))
+
+
+def _bubble(g0: V3, g1: V3, u: jax.Array, length: jax.Array) -> tuple[V3, V3, V3]:
+    """Return g and its two derivatives by time: g0 u (1-u)^2 - g1 u^2 (1-u)."""
+    v, per = 1 - u, 1 / length
+    value = g0 * (u * v * v) - g1 * (u * u * v)
+    rate = (g0 * (v * (1 - 3 * u)) - g1 * (u * (2 - 3 * u))) * per
+    rate2 = (g0 * (6 * u - 4) - g1 * (2 - 6 * u)) * (per * per)
+    return value, rate, rate2
+
+
+def _cayley(g: V3, rate: V3, rate2: V3, reference: Quat, spin: V3) -> list[Any]:
+    """Return attitude, angular velocity and acceleration of Cayley(g) before a reference that spins uniformly.
+
+    With p = (1, g): w_g = 2 vec(p' p*) / |p|^2, alpha_g = 2 vec(p'' p*) / |p|^2 - 2 w_g (p . p') / |p|^2; the reference adds R_g spin and
+    w_g x R_g spin.
+    """
+    square = dot(g, g) + 1.0
+    inverse = 1 / square
+    root = jnp.sqrt(inverse)
+    turn = Quat(root, *(g * root))
+    own = (rate + cross(g, rate)) * (2 * inverse)
+    own2 = (rate2 + cross(g, rate2)) * (2 * inverse) - own * (2 * dot(g, rate) * inverse)
+    carried = rotate(turn, spin)
+    return [quat_mul(turn, reference), own + carried, own2 + cross(own, carried)]

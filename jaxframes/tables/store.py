@@ -1,0 +1,287 @@
+"""Tables on disk: one ``.npz`` without pickle, with a schema version and a checksum over the whole file.
+
+The file is an ordinary zip archive of ``.npy`` arrays and a JSON text. The SHA-256 of everything before it is the last 64 characters, as
+part of the archive's comment: no byte can change unnoticed, and NumPy alone can still read the arrays.
+"""
+
+import contextlib
+import hashlib
+import io
+import json
+import os
+import tempfile
+import zipfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxframes.errors import FrameError, TableError
+from jaxframes.staging.arrays import default_float
+from jaxframes.tables.attitude import AttitudeTable, CayleyTable
+from jaxframes.tables.base import OrientationTable, Table, TranslationTable
+from jaxframes.tables.fixed import FixedFrame
+from jaxframes.tables.iau_model import IauOrientation
+from jaxframes.tables.info import Info
+from jaxframes.tables.instants import pairs
+from jaxframes.tables.records import from_leg, to_leg
+
+Storable: TypeAlias = Table | IauOrientation | FixedFrame
+SCHEMA = 3
+READABLE = (1, 2, 3)
+"""Schemas that ``load`` reads. 2 adds kinds of tables and what their reports say, 3 fixed frames; everything older is as it was."""
+MARK = b"jaxframes tables, sha256 of all before this: "
+
+
+@dataclass(frozen=True)
+class Kind:
+    """How tables of a kind are stored, beside their legs and facts: further arrays, and static fields. Models store themselves."""
+
+    table: type[Any]
+    arrays: tuple[str, ...] = ()
+    static: tuple[str, ...] = ()
+
+
+KINDS = {
+    "translation": Kind(TranslationTable),
+    "orientation": Kind(OrientationTable, ("placement",)),
+    "knots": Kind(AttitudeTable, static=("mode",)),
+    "cayley": Kind(CayleyTable, ("spins",)),
+    "iau": Kind(IauOrientation),
+    "fixed": Kind(FixedFrame),
+}
+MODELS = (IauOrientation, FixedFrame)
+"""Edges that hold at every instant and store themselves."""
+STAMP = (1980, 1, 1, 0, 0, 0)
+HEADER = {"format": "jaxframes tables", "scale": "TDB", "units": {"length": "m", "angle": "rad", "time": "s"}}
+
+
+def save(path: str | os.PathLike[str], tables: Mapping[str, Storable]) -> None:
+    """Write tables to one file: whole or not at all, the same bytes for the same tables.
+
+    Args:
+        path: The file to write, replaced if it exists.
+        tables: Tables by name.
+
+    Raises:
+        TableError: If something is no table, or the file cannot be written.
+    """
+    content = _archive(tables)
+    target = Path(path)
+    try:
+        descriptor, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    except OSError as error:
+        raise TableError(f"{target} cannot be written: {error.strerror}.") from error
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, target)
+    except BaseException as error:
+        with contextlib.suppress(OSError):
+            os.unlink(temporary)
+        if isinstance(error, OSError):
+            raise TableError(f"{target} cannot be written: {error.strerror}.") from error
+        raise
+
+
+def load(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Read tables written by ``save``. No kernel is needed, and spiceypy is not imported.
+
+    Arrays are of the default float dtype of JAX; times keep in two parts what one float32 cannot hold.
+
+    Raises:
+        TableError: If the file is missing, is no table file, is truncated or altered, or has an unknown schema.
+    """
+    with opened(Path(path)) as (archive, entries):
+        return {name: _table(archive, name, entry) for name, entry in entries.items()}
+
+
+@contextlib.contextmanager
+def opened(target: Path) -> Iterator[tuple[zipfile.ZipFile, dict[str, Any]]]:
+    """Open a table file for reading: its archive, and what its metadata say of each table.
+
+    Raises:
+        TableError: If the file is missing, is no table file, is truncated or altered, has an unknown schema, or what is read from it
+            is not what that schema says.
+    """
+    content = _read_checked(target)
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            yield archive, _read_metadata(target, archive)["tables"]
+    except FrameError:
+        raise
+    except Exception as error:
+        raise TableError(
+            f"{target} does not hold what its schema says ({type(error).__name__}: {error}). Make the tables again."
+        ) from error
+
+
+def _read_checked(target: Path) -> bytes:
+    """Return the bytes of a table file, its checksum compared.
+
+    Raises:
+        TableError: If it is missing, is no table file, is truncated or altered.
+    """
+    try:
+        content = target.read_bytes()
+    except FileNotFoundError as error:
+        raise TableError(f"There is no table file {target}.") from error
+    except OSError as error:
+        raise TableError(f"{target} cannot be read: {error.strerror}.") from error
+    _check(target, content)
+    return content
+
+
+def _read_metadata(target: Path, archive: zipfile.ZipFile) -> dict[str, Any]:
+    """Return the JSON part of a table file.
+
+    Raises:
+        TableError: If its schema is unknown.
+    """
+    metadata = json.loads(archive.read("metadata.json"))
+    if metadata.get("schema") not in READABLE:
+        raise TableError(
+            f"{target} has schema {metadata.get('schema')!r}; this version of jaxframes reads {READABLE[0]} to {READABLE[-1]}. "
+            "Make the tables again, or use a later version."
+        )
+    return metadata
+
+
+def _check(target: Path, content: bytes) -> None:
+    if not content.startswith(b"PK"):
+        raise TableError(f"{target} is not a table file: it does not start as a .npz file does. Write tables with jf.spice.save.")
+    body, digest = content[:-64], content[-64:]
+    if not body.endswith(MARK) or hashlib.sha256(body).hexdigest().encode() != digest:
+        raise TableError(
+            f"{target} is truncated, was altered, or was not written by jf.spice.save: its checksum does not match. Make the tables again."
+        )
+
+
+def _archive(tables: Mapping[str, Storable]) -> bytes:
+    metadata: dict[str, Any] = {**HEADER, "schema": SCHEMA, "tables": {}}
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for number, (name, table) in enumerate(tables.items()):
+            if not isinstance(table, tuple(kind.table for kind in KINDS.values())):
+                raise TableError(f"{name!r} is a {type(table).__name__}, not a table of jf.spice.Kernels: only tables are saved.")
+            metadata["tables"][str(name)] = _write_table(archive, f"table{number}", table)
+        archive.writestr(zipfile.ZipInfo("metadata.json", STAMP), json.dumps(metadata, indent=1), zipfile.ZIP_DEFLATED)
+        archive.comment = MARK + b"0" * 64
+    body = buffer.getvalue()[:-64]
+    return body + hashlib.sha256(body).hexdigest().encode()
+
+
+def _write_table(archive: zipfile.ZipFile, folder: str, table: Storable) -> dict[str, Any]:
+    if isinstance(table, MODELS):
+        arrays = table.to_arrays()
+        for name, array in arrays.items():
+            _write_array(archive, f"{folder}/{name}.npy", array)
+        return {"info": table.info.to_json(), "arrays": {name: f"{folder}/{name}.npy" for name in arrays}}
+    legs = []
+    for i, leg in enumerate(table.legs):
+        arrays = from_leg(leg)
+        legs.append({"series": leg.series, "compares": leg.compares, "arrays": {n: f"{folder}/leg{i}/{n}.npy" for n in arrays}})
+        for name, array in arrays.items():
+            _write_array(archive, f"{folder}/leg{i}/{name}.npy", array)
+    entry: dict[str, Any] = {"info": table.info.to_json(), "legs": legs}
+    kind = KINDS[table.info.kind]
+    for name in kind.arrays:
+        entry[name] = f"{folder}/{name}.npy"
+        _write_array(archive, entry[name], np.array(getattr(table, name), np.float64))
+    return entry | {name: getattr(table, name) for name in kind.static}
+
+
+def _write_array(archive: zipfile.ZipFile, name: str, array: np.ndarray) -> None:
+    buffer = io.BytesIO()
+    np.lib.format.write_array(buffer, np.ascontiguousarray(array, "<f8"), allow_pickle=False)
+    archive.writestr(zipfile.ZipInfo(name, STAMP), buffer.getvalue(), zipfile.ZIP_DEFLATED)
+
+
+def _read_array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
+    with archive.open(name) as file:
+        return np.lib.format.read_array(io.BytesIO(file.read()), allow_pickle=False)
+
+
+def _table(archive: zipfile.ZipFile, name: str, entry: dict[str, Any]) -> Storable:
+    info = Info.from_json(entry["info"])
+    if info.kind not in KINDS:
+        raise TableError(f"table {name!r} is of the unknown kind {info.kind!r}")
+    kind = KINDS[info.kind]
+    if kind.table in MODELS:
+        return kind.table.from_arrays({n: _read_array(archive, file) for n, file in entry["arrays"].items()}, info)
+    legs = tuple(
+        to_leg({n: _read_array(archive, file) for n, file in leg["arrays"].items()}, leg["series"], leg["compares"], low=has_low(info.kind))
+        for leg in entry["legs"]
+    )
+    reference, start, stop = (Fraction(x) for x in (info.reference, info.start, info.stop))
+    fields: dict[str, Any] = {"legs": legs, "reference": pairs(reference), "span": pairs(start - reference, stop - reference), "info": info}
+    fields |= {array: jnp.asarray(_read_array(archive, entry[array]), default_float()) for array in kind.arrays}
+    return kind.table(**fields, **{static: entry[static] for static in kind.static})
+
+
+def has_low(kind: str) -> bool:
+    """Whether float32 tables of a kind keep low parts of their coefficients."""
+    return kind == "translation"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A table in a file.
+
+    Attributes:
+        info: What the table knows about itself.
+        records: How many records each leg has; none for a model.
+        bytes: Size of its arrays in float64.
+    """
+
+    info: Info
+    records: tuple[int, ...]
+    bytes: int
+
+    def __str__(self) -> str:
+        """Return one line."""
+        info = self.info
+        held = f"{info.coverage}, {' + '.join(str(n) for n in self.records)} records" if self.records else "at every instant"
+        return f"{info.kind}: {info.of} from {info.relative_to} in {info.axes}, {held}, {self.bytes} bytes"
+
+
+def contents(path: str | os.PathLike[str]) -> dict[str, Entry]:
+    """Return what a file written by ``save`` holds, by name; the numbers of the tables stay on the disk.
+
+    Raises:
+        TableError: If the file is missing, is no table file, is truncated or altered, or has an unknown schema.
+    """
+    found = {}
+    with opened(Path(path)) as (archive, entries):
+        for number, (name, entry) in enumerate(entries.items()):
+            shapes = {file: _shape(archive, file) for file in archive.namelist() if file.startswith(f"table{number}/")}
+            records = tuple(shapes[leg["arrays"]["rows"]][0] for leg in entry.get("legs", ()))
+            size = sum(8 * int(np.prod(shape)) for shape in shapes.values())
+            found[name] = Entry(Info.from_json(entry["info"]), records, size)
+    return found
+
+
+def _shape(archive: zipfile.ZipFile, file: str) -> tuple[int, ...]:
+    """Return the shape of an array by the head of its file alone."""
+    with archive.open(file) as stream:
+        np.lib.format.read_magic(stream)
+        return np.lib.format.read_array_header_1_0(stream)[0]
+
+
+SHIPPED = Path(__file__).resolve().parent.parent / "data" / "tables_2026.npz"
+
+
+def example_tables() -> dict[str, TranslationTable | OrientationTable]:
+    """Return tables of 2026 from DE440 and ITRF93, by name.
+
+    ``sun``, ``mars`` (barycentre) and ``emb`` are relative to the Solar System barycentre, ``earth`` to ``emb`` and ``moon`` to
+    ``earth``, all in J2000 axes; ``itrf93`` orients the Earth-fixed frame in J2000. ``edge.report()`` says more.
+    """
+    return load(SHIPPED)

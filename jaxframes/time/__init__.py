@@ -1,0 +1,1 @@
+"""Instants and durations: epochs in two parts, time scales, calendar text."""
