@@ -15,6 +15,10 @@ from tests.random_trees import parts
 
 FOLDER = Path(__file__).parent.parent / "data" / "robots"
 ROBOTS = sorted(path.stem for path in FOLDER.glob("*.urdf"))
+SLOW = {"allegro_right_hand", "anymal", "baxter"}
+"""More of what others have: fixed, revolute and prismatic joints and mimics (panda), continuous joints (kinova), joints listed from the tip
+down (so101), negative axes (panda), many branches and enough frames to go by level (simple_humanoid). ``-m slow`` and ``-m robots`` have
+them, and every normal run their text."""
 RESULTS = dict(np.load(FOLDER / "pinocchio.npz"))
 
 
@@ -33,7 +37,7 @@ def bound(dtype):
     return 1e-11 if dtype == np.float64 else 1e-4
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in ROBOTS])
 def test_every_link_moves_as_pinocchio_says(name, dtype):
     tree = load(name)
     for i in range(2):
