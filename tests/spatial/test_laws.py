@@ -106,7 +106,7 @@ def test_laws(shape, dtype):
     @laws
     @given(st.tuples(*[vectors(shape)] * 6))
     def hold(v):
-        for name, residual in compiled(v).items():
+        for name, residual in jax.device_get(compiled(v)).items():
             assert residual < limit, (name, float(residual))
 
     hold()
@@ -127,15 +127,16 @@ def outcome(v):
 
 @pytest.mark.parametrize("shape", SHAPES, ids=str)
 def test_eager_jit_and_vmap_agree(shape, tol):
+    """Op by op for the shape of several axes only: each new shape compiles every operation anew."""
     v = sample(shape)
-    eager, jitted = outcome(v), jax.jit(outcome)(v)
-    over_one = functools.reduce(lambda f, _: jax.vmap(f), shape, outcome)(v)
-    assert jax.tree.structure(eager) == jax.tree.structure(jitted) == jax.tree.structure(over_one)
-    for a, b, c in zip(*map(jax.tree.leaves, (eager, jitted, over_one)), strict=True):
-        assert a.shape == b.shape == c.shape
-        assert a.dtype == b.dtype == c.dtype == v[0].dtype
-        assert np.abs(a - b).max() < tol
-        assert np.abs(a - c).max() < tol
+    over_one = functools.reduce(lambda f, _: jax.vmap(f), shape, outcome)
+    jitted, mapped = jax.jit(lambda v: (outcome(v), over_one(v)))(v)
+    for other in (mapped, outcome(v)) if shape == SHAPES[-1] else (mapped,):
+        assert jax.tree.structure(jitted) == jax.tree.structure(other)
+        for a, b in zip(jax.tree.leaves(jitted), jax.tree.leaves(other), strict=True):
+            assert a.shape == b.shape
+            assert a.dtype == b.dtype == v[0].dtype
+            assert np.abs(np.asarray(a) - np.asarray(b)).max() < tol
 
 
 def test_gradients_agree(tol):
@@ -147,10 +148,13 @@ def test_gradients_agree(tol):
         return sum(jnp.sum(leaf * leaf) for leaf in jax.tree.leaves(motion))
 
     v, direction = sample((3, 1, 2)), sample((3, 1, 2))[::-1]
-    reverse = jax.jit(jax.grad(total))(v)
     items = tuple(x.reshape(6, 3) for x in v)
-    alone = jax.jit(jax.vmap(jax.grad(total)))(items)
-    forward = jax.jit(lambda v, d: jax.jvp(total, (v,), (d,))[1])(v, direction)
+
+    @jax.jit
+    def ask(v, items, direction):
+        return jax.grad(total)(v), jax.vmap(jax.grad(total))(items), jax.jvp(total, (v,), (direction,))[1]
+
+    reverse, alone, forward = jax.device_get(ask(v, items, direction))
     size = max(float(np.abs(g).max()) for g in reverse)
     for a, b in zip(reverse, alone, strict=True):
         assert np.abs(a.reshape(6, 3) - b).max() < tol * size
