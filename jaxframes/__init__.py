@@ -1,7 +1,6 @@
 """Reference frames for JAX: trees of robots, spacecraft and ephemerides as compiled, differentiable functions."""
 
 from jaxframes import edges as edges
-from jaxframes import kinematics as kinematics
 from jaxframes import spice as spice
 from jaxframes._version import __version__ as __version__
 from jaxframes.errors import FrameError as FrameError

@@ -46,11 +46,6 @@ class Attachable(Edge):
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         raise AssertionError("the motion of an attachable edge is held by the state")
 
-    def prefixed(self, prefix: str) -> "Attachable":
-        if self.candidates is None:
-            return self
-        return self.replace(candidates=tuple(prefix + name for name in self.candidates))
-
     def renamed(self, rename: Callable[[str], str]) -> "Attachable":
         return self if self.candidates is None else self.replace(candidates=tuple(map(rename, self.candidates)))
 

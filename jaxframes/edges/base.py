@@ -122,10 +122,6 @@ class Edge:
         """Return a copy with its float numbers converted; a family that keeps numbers in two parts converts them together."""
         return jax.tree.map(lambda leaf: leaf.astype(dtype) if jnp.issubdtype(leaf.dtype, jnp.floating) else leaf, self)
 
-    def prefixed(self, prefix: str) -> "Edge":
-        """Return the edge for a tree whose frame names got a prefix; only an edge that names frames changes."""
-        return self
-
     def renamed(self, rename: Callable[[str], str]) -> "Edge":
         """Return the edge with the names of frames and joints that it holds changed by a function; most hold none."""
         return self

@@ -88,9 +88,6 @@ class Mimic(Edge):
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         return self.edge.steps(inputs, order)
 
-    def prefixed(self, prefix: str) -> "Mimic":
-        return self.replace(joint=prefix + self.joint)
-
     def renamed(self, rename: Callable[[str], str]) -> "Mimic":
         return self.replace(joint=rename(self.joint))
 

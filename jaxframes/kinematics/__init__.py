@@ -1,6 +1,1 @@
-"""The computation: along a path and over all frames. Importing it gives trees their engine."""
-
-from jaxframes.kinematics.queries import PathEngine
-from jaxframes.tree.engine import register
-
-register(PathEngine())
+"""The computation: along a path and over all frames, on a tree's structure, numbers and state."""

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import jax
 
 from jaxframes.errors import FrameError
+from jaxframes.numerics.batch import tag
 from jaxframes.spatial.serialization import register
-from jaxframes.spatial.value import tag
 
 SPEED_OF_LIGHT = 299792458.0
 """m/s, exact by definition."""

@@ -1,4 +1,4 @@
-"""Attachments as data: motions of frames whose parents are traced numbers, by pointer pointer_doubling.
+"""Attachments as data: motions of frames whose parents are traced numbers, by pointer doubling.
 
 The attachable frames cut a tree into islands, each with a static inside. Within an island everything goes along static paths.
 Between islands each attachable frame is a link from its island's root to a frame that the state names: the poses of the frames

@@ -14,8 +14,9 @@ from jaxframes.edges.mimic import Mimic
 from jaxframes.errors import MissingInputError, NoAccelerationError, ShapeError
 from jaxframes.kinematics.arrays import motion_of
 from jaxframes.kinematics.edge_steps import AnySteps, EdgeSteps, GivenSteps, Kept, PathSteps, Reading, unit_twists
+from jaxframes.model.families import float_dtype
 from jaxframes.model.state import State
-from jaxframes.model.structure import Structure, float_dtype
+from jaxframes.model.structure import Structure
 from jaxframes.numerics.packed import Kind, Packed
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
@@ -74,7 +75,7 @@ class Context:
         return tuple(self._edge_steps(frame, operands, windows) for frame in frames)
 
     def _edge_steps(self, frame: int, operands: Operands, windows: Mapping[str, tuple[int, jax.Array]]) -> AnySteps:
-        if self.tree._edge(frame).needs_time:
+        if self.tree.edge_of(frame).needs_time:
             steps, twists = self._given_steps(frame)
             return GivenSteps(operands.components(steps), operands.components(twists))
         driver, followers = frame, []
@@ -95,7 +96,7 @@ class Context:
     def _read(self, frame: int) -> Edge:
         """Return the edge above a frame as programs read it: at unit length where it lies on a sphere, without limits."""
         if frame not in self._edges:
-            self._edges[frame] = self.tree._edge(frame).bare().normalized()
+            self._edges[frame] = self.tree.edge_of(frame).bare().normalized()
         return self._edges[frame]
 
     def _window(self, kind: str, frames: Sequence[int], whole: bool) -> tuple[int, jax.Array]:
@@ -188,7 +189,7 @@ class Context:
     def _given_steps(self, frame: int) -> tuple[tuple[Step, ...], Any]:
         """Return the steps and unit twists of an edge that reads the time; they are worked out once, however often they are asked for."""
         if frame not in self._given:
-            edge, operands = self.tree._edge(frame), Operands()
+            edge, operands = self.tree.edge_of(frame), Operands()
             first_q, nq, first_v, nv = self.topology.coordinates[frame]
             kept = tuple(
                 Kept(operands.place(getattr(self.state, kind)), *((first_q, nq) if kind == "q" else (first_v, nv)))
@@ -217,7 +218,7 @@ class Context:
 
     def check(self, frame: int) -> None:
         """Raise NoAccelerationError or MissingInputError where the edge above a frame cannot answer."""
-        edge, name = self.tree._edge(frame), self.topology.names[frame]
+        edge, name = self.tree.edge_of(frame), self.topology.names[frame]
         if self.order > 1 and not edge.supports_accelerations:
             raise NoAccelerationError(
                 f"the edge of frame {name!r} ({edge.describe()}) supports no accelerations; ask for transform or velocity, "
@@ -230,7 +231,7 @@ class Context:
         """Return the index in ``qd`` of each rate that moves the edge above a frame."""
         first, count = 0, self.topology.coordinates[frame][3]
         while (source := self.topology.sources[frame]) >= 0:
-            edge = self.tree._edge(frame)
+            edge = self.tree.edge_of(frame)
             assert isinstance(edge, Mimic)
             first, count, frame = first + edge.coordinate, count or edge.edge.nv, source
         return tuple(self.topology.coordinates[frame][2] + first + i for i in range(count))

@@ -201,6 +201,6 @@ def _first(*codes: jax.Array) -> jax.Array:
 
 def _coverage(tree: Structure, frame: int, time: Epoch) -> jax.Array:
     """Return the coverage code of the tables between a frame and the root: int32, the first that is not 0."""
-    edges = (tree._edge(child) for child in tree.topology.ancestors(frame) if child)
+    edges = (tree.edge_of(child) for child in tree.topology.ancestors(frame) if child)
     codes = [edge.coverage_code(time) for edge in edges if edge.needs_time]
     return _first(jnp.zeros(time.shape, jnp.int32), *codes)

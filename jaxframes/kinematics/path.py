@@ -176,7 +176,7 @@ def follow(order: "Sequence[Move]", observer: int, source: Callable[[int], Sourc
 def known_pose(context: Context, of: int, relative_to: int) -> Rigid | None:
     """Return the pose of a frame in another where it is a number known while tracing: the path between them is fixed, or empty."""
     ways = context.topology.route(of, relative_to)
-    if not all(isinstance(context.tree._edge(frame), Fixed) for way in ways for frame in way):
+    if not all(isinstance(context.tree.edge_of(frame), Fixed) for way in ways for frame in way):
         return None
     observer, target = (append_all(AT_REST, (step for frame in way for step in context.fixed_steps(frame)), 0) for way in ways)
     if any(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves((observer, target))):

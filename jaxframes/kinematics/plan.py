@@ -7,14 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxframes.edges.fixed import Fixed
+from jaxframes.model.compile import LARGE
 from jaxframes.model.topology import Topology
 
 FEWEST = 20
 """Trees of at least so many frames go by level; smaller ones are unrolled, which runs up to twice as fast on large batches and compiles in
 a time that grows with their frames."""
-LARGE = 65
-"""Trees of at least so many frames are handed to compiled queries with their numbers stacked by family, and go by level with attachable
-frames too."""
 MANY_TABLES = 8
 """Trees with at least so many tables of one kind go by level too: these are evaluated together, and else each is compiled by itself."""
 SPAN = 10
@@ -64,7 +62,7 @@ def pieces_of(tree: Any, frames: Sequence[int], order: int) -> tuple[Repeats | N
 
 
 def _cut(tree: Any, frames: Sequence[int], order: int) -> list[list[int]]:
-    edges = [tree._edge(frame) for frame in frames]
+    edges = [tree.edge_of(frame) for frame in frames]
     weights = [max(edge.nv, int(not isinstance(edge, Fixed))) for edge in edges]
     most = LONGEST[order] if sum(weights) <= LONGEST[order] else PIECE[order]
     pieces, filled = [list[int]()], 0

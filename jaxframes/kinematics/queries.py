@@ -1,4 +1,4 @@
-"""Queries: from trees and states to values, through components; the engine behind ``FrameTree``'s methods."""
+"""Queries: from trees, states and names of frames to values. What ``FrameTree``'s methods call; each is compiled once a topology."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
@@ -6,14 +6,13 @@ from typing import Any, TypeVar
 import jax
 import jax.numpy as jnp
 
-from jaxframes.kinematics import attachments, attachments_by_level, level_blocks, levels, unrolled
+from jaxframes.errors import ShapeError
+from jaxframes.kinematics import attachments, attachments_by_level, level_blocks, levels, light_time, reattachment, unrolled
+from jaxframes.kinematics.apparent import ApparentState, Looking
 from jaxframes.kinematics.arrays import named, of_halves
-from jaxframes.kinematics.attachments import between
 from jaxframes.kinematics.context import Context
-from jaxframes.kinematics.jacobian import jacobian
-from jaxframes.kinematics.light_time import apparent
+from jaxframes.kinematics.jacobian import jacobian as by_geometry
 from jaxframes.kinematics.path import outward
-from jaxframes.kinematics.reattachment import attach, attachments_valid
 from jaxframes.kinematics.state_rate import broadcast, rate
 from jaxframes.kinematics.tree_arguments import Plan, as_arguments
 from jaxframes.model.state import State
@@ -40,7 +39,7 @@ def _pair(context: Context, of: int, relative_to: int) -> Packed:
     """Return the motion of one frame as another sees it, by level where a query across links may touch many frames."""
     home = context.topology.islands
     if home[of] == home[relative_to] or not attachments.touches_many(context, (of, relative_to)):
-        return between(context, of, relative_to)
+        return attachments.between(context, of, relative_to)
     return tuple(array[..., of, :] for array in attachments_by_level.all_frames(context, relative_to))
 
 
@@ -80,8 +79,8 @@ def _jacobian(tree: Structure, state: State, of: int, relative_to: int, expresse
     if tree.topology.islands[of] != tree.topology.islands[relative_to]:
         return _jacobian_by_rates(tree, state, of, relative_to, expressed_in)
     context = Context(tree, state, 0)
-    axes = None if expressed_in == relative_to else between(context, relative_to, expressed_in)
-    return jacobian(context, of, relative_to, axes)
+    axes = None if expressed_in == relative_to else attachments.between(context, relative_to, expressed_in)
+    return by_geometry(context, of, relative_to, axes)
 
 
 def _jacobian_by_rates(tree: Structure, state: State, of: int, relative_to: int, expressed_in: int) -> jax.Array:
@@ -127,15 +126,69 @@ def _compiled(function: Callable[..., Any], *static: str) -> Callable[..., Any]:
     return run
 
 
-class PathEngine:
-    """The engine that trees use."""
+_between_compiled = _compiled(_between, "of", "relative_to", "expressed_in", "order")
+_all_frames_compiled = _compiled(_all_frames, "relative_to", "order")
+_pairs_compiled = _compiled(_pairs, "of", "relative_to")
+_jacobian_compiled = _compiled(_jacobian, "of", "relative_to", "expressed_in")
+_jacobian_dot_compiled = _compiled(_jacobian_dot, "of", "relative_to", "expressed_in")
+_apparent_compiled = _compiled(light_time.apparent, "looking")
+_attach_compiled = _compiled(reattachment.attach, "frame", "keep")
+_valid_compiled = _compiled(reattachment.attachments_valid)
 
-    between = staticmethod(_compiled(_between, "of", "relative_to", "expressed_in", "order"))
-    all_frames = staticmethod(_compiled(_all_frames, "relative_to", "order"))
-    pairs = staticmethod(_compiled(_pairs, "of", "relative_to"))
-    jacobian = staticmethod(_compiled(_jacobian, "of", "relative_to", "expressed_in"))
-    jacobian_dot = staticmethod(_compiled(_jacobian_dot, "of", "relative_to", "expressed_in"))
-    apparent = staticmethod(_compiled(apparent, "looking"))
-    attached = staticmethod(_compiled(attach, "frame", "keep"))
-    attachments_valid = staticmethod(_compiled(attachments_valid))
-    rate = staticmethod(rate)
+
+def between(tree: Structure, state: State, of: str, relative_to: str, expressed_in: str | None = None, order: int = 2) -> Motion:
+    """Return the motion of one frame relative to another; what lies beyond the order is None.
+
+    Args:
+        tree: The tree.
+        state: Values at one instant or a batch of them.
+        of: Frame asked about.
+        relative_to: Frame of the observer.
+        expressed_in: Frame whose axes resolve velocity and acceleration. Default: ``relative_to``.
+        order: 0 for the pose, 1 with the velocity, 2 with the acceleration.
+    """
+    return _between_compiled(tree, state, order=order, **_indices(tree, of, relative_to, expressed_in))
+
+
+def all_frames(tree: Structure, state: State, relative_to: str, order: int) -> Motion:
+    """Return the motions of all frames relative to one, stacked on the axis before the last; what lies beyond the order is None."""
+    return _all_frames_compiled(tree, state, relative_to=tree.topology.index(relative_to), order=order)
+
+
+def pairs(tree: Structure, state: State, of: Sequence[str], relative_to: Sequence[str]) -> Transform:
+    """Return the poses of several frames in several others: leaves [..., len(relative_to), len(of), 4 or 3] (ShapeError if none)."""
+    if isinstance(of, str) or isinstance(relative_to, str) or not of or not relative_to:
+        raise ShapeError(f"transforms_between takes lists of frame names that are not empty, found of={of!r}, relative_to={relative_to!r}")
+    index = tree.topology.index
+    return _pairs_compiled(tree, state, of=tuple(map(index, of)), relative_to=tuple(map(index, relative_to)))
+
+
+def jacobian(tree: Structure, state: State, of: str, relative_to: str, expressed_in: str | None = None) -> jax.Array:
+    """Return the Jacobian [..., 6, nv] of a relative velocity with respect to the joint rates, angular first."""
+    return _jacobian_compiled(tree, state, **_indices(tree, of, relative_to, expressed_in))
+
+
+def jacobian_dot(tree: Structure, state: State, of: str, relative_to: str, expressed_in: str | None = None) -> jax.Array:
+    """Return the time derivative [..., 6, nv] of the Jacobian along the state's motion."""
+    return _jacobian_dot_compiled(tree, state, **_indices(tree, of, relative_to, expressed_in))
+
+
+def apparent(tree: Structure, state: State, looking: Looking) -> ApparentState:
+    """Return where a frame appears to an observer."""
+    return _apparent_compiled(tree, state, looking=looking)
+
+
+def attach(tree: Structure, state: State, frame: int, to: jax.Array, keep: str) -> State:
+    """Return a state in which an attachable frame hangs on the frames with indices ``to`` [...]."""
+    return _attach_compiled(tree, state, to, frame=frame, keep=keep)
+
+
+def attachments_valid(tree: Structure, state: State) -> jax.Array:
+    """Return where every attachable frame hangs, link by link, on the root: bool [...]."""
+    return _valid_compiled(tree, state)
+
+
+def _indices(tree: Structure, of: str, relative_to: str, expressed_in: str | None) -> dict[str, int]:
+    index = tree.topology.index
+    axes = relative_to if expressed_in is None else expressed_in
+    return {"of": index(of), "relative_to": index(relative_to), "expressed_in": index(axes)}

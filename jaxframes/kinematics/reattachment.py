@@ -32,7 +32,7 @@ def attach(tree: Structure, state: State, to: jax.Array, *, frame: int, keep: st
     assert held is not None
     if keep == "relative":
         return replace(state, attachments=Attachments(_put(held.parents, row, to, 0), held.motion))
-    order = 0 if keep == "world" else 2 if all(tree._edge(members[0]).supports_accelerations for members in tree.topology.members) else 1
+    order = 0 if keep == "world" else 2 if all(tree.edge_of(members[0]).supports_accelerations for members in tree.topology.members) else 1
     context = Context(tree, state, order)
     candidates = tree.topology.candidates[row]
     islands = islands_of(context, (frame, *candidates))

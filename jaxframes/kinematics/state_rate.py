@@ -64,5 +64,5 @@ def coordinate_rates(tree: Structure, state: State) -> jax.Array:
         first_q, nq, first_v, nv = tree.topology.coordinates[frame]
         q = tuple(state.q[..., first_q + i] for i in range(nq))
         qd = tuple(state.qd[..., first_v + i] for i in range(nv))
-        parts.extend(tree._edge(frame).coordinate_rates(q, qd))
+        parts.extend(tree.edge_of(frame).coordinate_rates(q, qd))
     return jnp.stack([jnp.broadcast_to(part, state.q.shape[:-1]) for part in parts], axis=-1)

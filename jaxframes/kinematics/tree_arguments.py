@@ -1,15 +1,17 @@
 """A tree as the argument of a compiled query: few arrays, and simple numbers folded into the program."""
 
-import functools
 from collections.abc import Sequence
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.edges.base import Edge
-from jaxframes.kinematics.plan import LARGE, by_level
-from jaxframes.model.structure import Structure, float_dtype
+from jaxframes.kinematics.plan import by_level
+from jaxframes.model.compile import LARGE
+from jaxframes.model.families import float_dtype
+from jaxframes.model.structure import Structure
 from jaxframes.model.topology import Topology
 from jaxframes.staging.arrays import is_concrete
 from jaxframes.staging.traced_inputs import Known
@@ -37,7 +39,8 @@ class StackedTree(Structure):
         (stacks,) = children
         return cls(stacks, topology)
 
-    def _edge(self, frame: int) -> Edge:
+    def edge_of(self, frame: int) -> Edge:
+        """Return the edge above a frame given by its index, which is not the root's."""
         group, row = self.topology.locations[frame]
         if not self.topology.stacked[group]:
             edge = self.stacks[group]
@@ -60,16 +63,24 @@ class StackedTree(Structure):
             return leaf
         return leaf[..., rows, :] if is_concrete(leaf) else leaf.at[..., rows, :].get(mode="promise_in_bounds")
 
-    @functools.cached_property
+    @property
+    def is_known(self) -> bool:
+        """Whether all numbers of the tree are known, outside any trace."""
+        return self.held("is_known", lambda: all(map(is_concrete, jax.tree.leaves(self.stacks))))
+
+    @property
     def batch_shape(self) -> tuple[int, ...]:
         """Batch axes of the tree's own numbers."""
+        return self.held("batch_shape", self._batch_shape)
+
+    def _batch_shape(self) -> tuple[int, ...]:
         stacked = zip(self.stacks, self.topology.stacked, strict=True)
         return np.broadcast_shapes(*{np.shape(leaf)[:-2] for leaves, on in stacked if on for leaf in leaves})
 
-    @functools.cached_property
+    @property
     def dtype(self) -> Any:
         """Float dtype of the tree's numbers."""
-        return float_dtype(self.stacks)
+        return self.held("dtype", lambda: float_dtype(self.stacks))
 
 
 def stacked(tree: Structure) -> StackedTree:
@@ -108,7 +119,7 @@ def as_arguments(tree: Structure) -> tuple[Any, Plan | None]:
     if not tree.is_known:
         return tree, None
     if len(tree.names) >= LARGE or (by_level(tree.topology) and not all(tree.topology.stacked)):
-        return StackedTree(tree.families, tree.topology), None
+        return tree.held("stacked", lambda: jax.tree.map(jnp.asarray, stacked(tree))), None
     return tree.held("arguments", lambda: _folded(tree))
 
 

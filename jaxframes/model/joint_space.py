@@ -9,6 +9,7 @@ import numpy as np
 
 from jaxframes.edges.base import Edge
 from jaxframes.errors import ShapeError
+from jaxframes.model.parameters import Parameters
 from jaxframes.model.structure import Structure
 from jaxframes.staging.arrays import as_float, widest
 
@@ -16,7 +17,7 @@ SPAN = {True: 2.0 * np.pi, False: 2.0}
 """How wide ``random`` draws where a coordinate has no limits: a whole turn for an angle (rad), two metres for a length."""
 
 
-class Manifold(Structure):
+class JointSpace(Parameters):
     """What a tree can do with joint coordinates ``q`` [..., nq] and rates [..., nv]: pure functions that jit, vmap, differentiate.
 
     Most joints are flat: their coordinates add up. Quaternion joints move along the rotation group (``Ball``) or along screw
@@ -117,7 +118,7 @@ class Manifold(Structure):
         return low, high
 
     def _joint_edges(self) -> list[Edge]:
-        return [self._edge(frame) for frame in self.topology.joint_frames]
+        return [self.edge_of(frame) for frame in self.topology.joint_frames]
 
     def _taken(self, values: Any, kind: str) -> jax.Array:
         array, count = as_float(values), self.topology.nq if kind == "q" else self.topology.nv
@@ -128,7 +129,7 @@ class Manifold(Structure):
     def _with_curved(self, values: jax.Array, place: int, make: Callable[[Edge, Callable[[jax.Array, int], jax.Array]], Any]) -> jax.Array:
         """Return values with those of curved joints replaced; ``place`` is 0 for coordinates, 2 for rates."""
         for frame in self.topology.joint_frames:
-            edge, where = self._edge(frame), self.topology.coordinates[frame]
+            edge, where = self.edge_of(frame), self.topology.coordinates[frame]
             if edge.curved:
                 cut = lambda array, at, where=where: array[..., where[at] : where[at] + where[at + 1]]  # noqa: E731
                 first = where[place]

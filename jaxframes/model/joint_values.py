@@ -59,7 +59,7 @@ def _first_motions(tree: Structure, held: int, dtype: Any) -> Motion:
     """Return the motions of the prescribed edges at rest, movable ones at their first pose."""
     motions = _at_rest(held, dtype)
     for frame, row in enumerate(tree.topology.prescribed):
-        if row >= 0 and isinstance(edge := tree._edge(frame), Movable):
+        if row >= 0 and isinstance(edge := tree.edge_of(frame), Movable):
             put = lambda a, b, row=row, frame=frame: _with_rows(a, [row], [b], [tree.names[frame]])  # noqa: E731
             motions = motions.replace(transform=jax.tree.map(put, motions.transform, edge.pose))
     return motions
@@ -70,7 +70,7 @@ def _first_attachments(tree: Structure, dtype: Any) -> Attachments | None:
     frames = tree.topology.attachables
     if not frames:
         return None
-    edges = [tree._edge(frame) for frame in frames]
+    edges = [tree.edge_of(frame) for frame in frames]
     poses = [edge.pose for edge in edges if isinstance(edge, Attachable)]
     wxyz = jnp.stack(jnp.broadcast_arrays(*(jnp.asarray(pose.rotation.wxyz) for pose in poses)), axis=-2)
     translation = jnp.stack(jnp.broadcast_arrays(*(jnp.asarray(pose.translation) for pose in poses)), axis=-2)

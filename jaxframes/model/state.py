@@ -8,10 +8,9 @@ import jax
 import numpy as np
 
 from jaxframes.errors import FrameError, ShapeError, suggest
-from jaxframes.numerics.batch import Batched
+from jaxframes.numerics.batch import Batched, tag
 from jaxframes.spatial import Epoch, Motion
 from jaxframes.spatial.serialization import register
-from jaxframes.spatial.value import tag
 from jaxframes.staging.arrays import as_float
 
 

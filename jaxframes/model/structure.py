@@ -1,31 +1,54 @@
 """Questions about a tree's structure: answered on the host from static arrays, without JAX."""
 
 import functools
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-import jax
-import jax.numpy as jnp
-import numpy as np
-
 from jaxframes.edges.base import Edge
-from jaxframes.errors import TopologyError, UnknownJointError, suggest
-from jaxframes.model import parameters
+from jaxframes.errors import ShapeError, TopologyError, UnknownJointError, suggest
 from jaxframes.model.properties import thaw
+from jaxframes.model.state import Attachments, State
 from jaxframes.model.topology import Topology
-from jaxframes.staging.arrays import default_float, is_concrete, widest
+from jaxframes.staging.arrays import is_concrete
 
 
-class Structure:
-    """What a tree can say of itself without a state. Every name that is not in the tree is an UnknownFrameError.
+class Structure(ABC):
+    """What hangs on what, by name. Every name that is not in the tree is an UnknownFrameError.
 
-    Attachable frames count as hanging on the parent that they were declared on; ``path`` and ``common_ancestor`` refuse to
-    cross them, because what they hang on is data in a state.
+    Without a state, attachable frames count as hanging on the parent that they were declared on; ``path`` and ``common_ancestor`` refuse
+    to cross them, because what they hang on is data in a state. How a tree keeps its numbers is left to its subclasses.
     """
 
-    frame_edges: tuple[Edge, ...]
     topology: Topology
+
+    @abstractmethod
+    def edge_of(self, frame: int) -> Edge:
+        """Return the edge above a frame given by its index, which is not the root's."""
+
+    @abstractmethod
+    def numbers(self, frames: Sequence[int]) -> tuple[Any, ...]:
+        """Return the numbers of the edges above frames, all of one family, leaf by leaf: arrays [..., n_frames, k]."""
+
+    @abstractmethod
+    def together(self, group: int) -> Edge:
+        """Return the edges of a family that does not stack as one edge: the edge itself where there is one."""
+
+    @property
+    @abstractmethod
+    def is_known(self) -> bool:
+        """Whether all numbers of the tree are known, outside any trace."""
+
+    @property
+    @abstractmethod
+    def dtype(self) -> Any:
+        """Float dtype of the tree's numbers: JAX's default where it has none."""
+
+    @property
+    @abstractmethod
+    def batch_shape(self) -> tuple[int, ...]:
+        """Batch axes of the tree's own numbers, broadcast: () unless some edges hold a batch of numbers."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -63,7 +86,7 @@ class Structure:
         """Number of joint rates (the mobility)."""
         return self.topology.nv
 
-    @property
+    @functools.cached_property
     def properties(self) -> Mapping[str, Mapping[str, Any]]:
         """Facts kept with each frame: read-only, static, empty where none were given."""
         known = dict(self.topology.properties)
@@ -72,53 +95,11 @@ class Structure:
     @property
     def edges(self) -> Mapping[str, Edge]:
         """The edge above each frame but the root, by the frame's name."""
-        return MappingProxyType({name: self._edge(i) for i, name in enumerate(self.names) if i})
+        return MappingProxyType({name: self.edge_of(i) for i, name in enumerate(self.names) if i})
 
     def edge(self, name: str) -> Edge:
         """Return the edge between a frame and its parent (TopologyError for the root, which has none)."""
-        return self._edge(self._below_root(name, "so it has no edge"))
-
-    def _edge(self, frame: int) -> Edge:
-        return self.frame_edges[frame - 1]
-
-    def numbers(self, frames: Sequence[int]) -> tuple[Any, ...]:
-        """Return the numbers of the edges above frames, all of one family, leaf by leaf: arrays [..., n_frames, k]."""
-        if not self.is_known:
-            return parameters.stack([self._edge(frame) for frame in frames])
-        locations = self.topology.locations
-        group, rows = locations[frames[0]][0], np.array([locations[frame][1] for frame in frames])
-        whole = self._known_family(group)
-        return (
-            whole
-            if len(rows) == len(self.topology.members[group]) and np.all(np.diff(rows) == 1)
-            else tuple(a[..., rows, :] for a in whole)
-        )
-
-    def _known_family(self, group: int) -> tuple[Any, ...]:
-        """Return the stacked numbers of a family, all known, as NumPy arrays; they are stacked once."""
-        if group not in self._stacked:
-            self._stacked[group] = parameters.stack([self._edge(frame) for frame in self.topology.members[group]])
-        return self._stacked[group]
-
-    @functools.cached_property
-    def _stacked(self) -> dict[int, tuple[Any, ...]]:
-        return {}
-
-    @functools.cached_property
-    def families(self) -> tuple[Any, ...]:
-        """The numbers of a tree that is known, family by family: stacked arrays, or one edge where its edges do not stack."""
-
-        def family(group: int, stacked: bool) -> Any:
-            return tuple(map(jnp.asarray, self._known_family(group))) if stacked else jax.tree.map(jnp.asarray, self.together(group))
-
-        return tuple(family(group, stacked) for group, stacked in enumerate(self.topology.stacked))
-
-    def together(self, group: int) -> Edge:
-        """Return the edges of a family that does not stack as one edge: the edge itself where there is one."""
-        edges = [self._edge(frame) for frame in self.topology.members[group]]
-        if len(edges) == 1:
-            return edges[0].bare()
-        return self.held(f"family {group}", lambda: edges[0].together(edges)) if self.is_known else edges[0].together(edges)
+        return self.edge_of(self._below_root(name, "so it has no edge"))
 
     def held(self, key: str, make: Callable[[], Any]) -> Any:
         """Return what a function makes, which the tree keeps under a key: made once, gone with the tree."""
@@ -130,27 +111,6 @@ class Structure:
     def _held(self) -> dict[str, Any]:
         return {}
 
-    @functools.cached_property
-    def distinct_edges(self) -> tuple[Edge, ...]:
-        """The edges, each once: a large tree may be made of a few that stand above many frames."""
-        return tuple({id(edge): edge for edge in self.frame_edges}.values())
-
-    @functools.cached_property
-    def is_known(self) -> bool:
-        """Whether all numbers of the tree are known, outside any trace."""
-        return all(map(is_concrete, jax.tree.leaves(self.distinct_edges)))
-
-    @functools.cached_property
-    def dtype(self) -> Any:
-        """Float dtype of the tree's numbers: JAX's default where it has none."""
-        return float_dtype(self.distinct_edges)
-
-    @functools.cached_property
-    def batch_shape(self) -> tuple[int, ...]:
-        """Batch axes of the tree's own numbers, broadcast: () unless some edges hold a batch of numbers."""
-        leaves = jax.tree.leaves([edge for edge in self.distinct_edges if edge.stacks])
-        return np.broadcast_shapes(*{np.shape(leaf)[:-1] for leaf in leaves})
-
     def _below_root(self, name: str, consequence: str) -> int:
         frame = self.topology.index(name)
         if frame == 0:
@@ -161,13 +121,60 @@ class Structure:
         """Return the frames with a name: always one, because names are unique (UnknownFrameError lists close names)."""
         return (self.names[self.topology.index(name)],)
 
-    def parent(self, name: str) -> str:
-        """Return the name of a frame's parent (TopologyError for the root)."""
+    def parent(self, name: str, state: State | None = None) -> Any:
+        """Return the name of a frame's parent: the declared one, or with a state the one that it hangs on there.
+
+        For a batch of states an attachable frame's parents are an array of frame indices [...].
+
+        Raises:
+            UnknownFrameError: No such frame.
+            TopologyError: The root has no parent.
+        """
+        if state is not None and self.is_attachable(name):
+            return self.attached_to(state)[name]
         return self.names[self.topology.parents[self._below_root(name, "so it has no parent")]]
 
-    def children(self, name: str) -> tuple[str, ...]:
-        """Return the names of a frame's children in order of declaration."""
-        return self.topology.names_of(self.topology.children[self.topology.index(name)])
+    def children(self, name: str, state: State | None = None) -> tuple[str, ...]:
+        """Return a frame's children in order of declaration: those declared, or with a state those that hang on it there.
+
+        Raises:
+            UnknownFrameError: No such frame.
+            ShapeError: A batch of states, in which attachable frames may hang on several.
+        """
+        declared = self.topology.names_of(self.topology.children[self.topology.index(name)])
+        if state is None:
+            return declared
+        here = self.attached_to(state)
+        if any(not isinstance(parent, str) for parent in here.values()):
+            raise ShapeError(f"the children of {name!r} differ over a batch of states; ask one state at a time, or tree.attached_to(state)")
+        fixed = tuple(child for child in declared if child not in here)
+        return fixed + tuple(child for child, parent in here.items() if parent == name)
+
+    def is_attachable(self, name: str) -> bool:
+        """Return whether a frame's parent is data in the state; False for the root."""
+        return self.topology.index(name) in self.topology.attachables
+
+    is_daf = is_attachable
+
+    def attached_to(self, state: State) -> dict[str, Any]:
+        """Return the parent of each attachable frame: its name, or an array of frame indices [...] for a batch or a trace."""
+        found: dict[str, Any] = {}
+        for row, frame in enumerate(self.topology.attachables):
+            parents = self.attachments_in(state).parents[..., row]
+            single = is_concrete(parents) and parents.ndim == 0
+            found[self.names[frame]] = self._name_of(int(parents)) if single else parents
+        return found
+
+    def attachments_in(self, state: State) -> Attachments:
+        """Return a state's attachments (ShapeError if they are not those of this tree)."""
+        held, count = state.attachments, len(self.topology.attachables)
+        if held is None or held.parents.shape[-1] != count:
+            found = "none" if held is None else held.parents.shape[-1]
+            raise ShapeError(f"this tree has {count} attachable frames, the state holds {found}; make it with this tree.state(...)")
+        return held
+
+    def _name_of(self, index: int) -> str:
+        return self.names[index] if 0 <= index < len(self.names) else f"no frame: {index}"
 
     def depth(self, name: str) -> int:
         """Return the number of edges between the root and a frame."""
@@ -198,9 +205,3 @@ class Structure:
         up, down = self.topology.route(self.topology.index(of), self.topology.index(relative_to))
         names = self.names
         return (*((names[i], -1) for i in reversed(up)), *((names[i], 1) for i in down))
-
-
-def float_dtype(leaves: Any) -> Any:
-    """Return the promoted float dtype of a pytree's leaves, or JAX's default where there is none."""
-    dtypes = {leaf.dtype for leaf in jax.tree.leaves(leaves) if jnp.issubdtype(leaf.dtype, jnp.floating)}
-    return widest(*dtypes) if dtypes else default_float()

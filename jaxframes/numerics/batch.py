@@ -1,7 +1,7 @@
 """Batch axes of values: shape, indexing, iterating, reshaping, joining; shared by everything that is a tree of arrays with leading axes."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import Any, ClassVar, TypeVar
 
 import jax
@@ -13,6 +13,15 @@ from jaxframes.errors import ShapeError
 from jaxframes.staging.arrays import common_float, is_concrete, widest
 
 Self = TypeVar("Self", bound="Batched")
+
+
+def tag(name: str) -> Any:
+    """Return the static field that tells a class's tree structure from that of another class with as many leaves.
+
+    JAX 0.10 takes two registered dataclasses without static fields for one structure, and a jitted function may then run what it
+    compiled for the other class (google/jax: ``PyTreeDef`` equality; a test shows it).
+    """
+    return field(default=name, kw_only=True, repr=False, metadata={"static": True})
 
 
 class Batched:

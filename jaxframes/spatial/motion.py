@@ -9,6 +9,7 @@ import jax.numpy as jnp
 
 from jaxframes.errors import FrameError
 from jaxframes.numerics import rigid
+from jaxframes.numerics.batch import tag
 from jaxframes.numerics.components import V3, Quat, cross, rotate, rotate_inverse
 from jaxframes.numerics.lift import lift
 from jaxframes.numerics.rigid import Rigid
@@ -16,7 +17,7 @@ from jaxframes.spatial import so3
 from jaxframes.spatial.rotation import Rotation
 from jaxframes.spatial.transform import Transform
 from jaxframes.spatial.twist import Twist
-from jaxframes.spatial.value import Value, tag
+from jaxframes.spatial.value import Value
 from jaxframes.spatial.velocity import SpatialAcceleration, SpatialVelocity
 from jaxframes.staging.arrays import as_float
 

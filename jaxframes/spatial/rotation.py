@@ -8,8 +8,9 @@ import jax
 import jax.numpy as jnp
 
 from jaxframes.errors import ShapeError
+from jaxframes.numerics.batch import tag
 from jaxframes.spatial import rotation_ops
-from jaxframes.spatial.value import Based, Value, tag
+from jaxframes.spatial.value import Based, Value
 from jaxframes.staging.arrays import as_float
 
 

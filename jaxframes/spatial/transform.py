@@ -8,10 +8,11 @@ import jax
 import jax.numpy as jnp
 
 from jaxframes.errors import ShapeError
+from jaxframes.numerics.batch import tag
 from jaxframes.spatial import transform_ops
 from jaxframes.spatial.rotation import Rotation
 from jaxframes.spatial.twist import Twist, Wrench
-from jaxframes.spatial.value import Value, tag
+from jaxframes.spatial.value import Value
 from jaxframes.spatial.velocity import SpatialVelocity
 from jaxframes.staging.arrays import as_float
 

@@ -6,9 +6,10 @@ from typing import Any, ClassVar
 import jax
 import jax.numpy as jnp
 
+from jaxframes.numerics.batch import tag
 from jaxframes.numerics.components import V3, Quat, cross, dot, rotate, rotate_inverse
 from jaxframes.numerics.lift import lift
-from jaxframes.spatial.value import LinearValue, tag
+from jaxframes.spatial.value import LinearValue
 from jaxframes.spatial.velocity import SpatialVelocity, as_vector
 
 

@@ -1,7 +1,7 @@
 """What all value types of geometry share: printing, and linear algebra where it has a meaning."""
 
 from collections.abc import Sequence
-from dataclasses import field, fields
+from dataclasses import fields
 from typing import Any, ClassVar, TypeVar
 
 import jax
@@ -15,15 +15,6 @@ from jaxframes.staging.arrays import is_concrete
 
 B = TypeVar("B", bound="Based")
 L = TypeVar("L", bound="LinearValue")
-
-
-def tag(name: str) -> Any:
-    """Return the static field that tells a class's tree structure from that of another class with as many leaves.
-
-    JAX 0.10 takes two registered dataclasses without static fields for one structure, and a jitted function may then run what it
-    compiled for the other class (google/jax: ``PyTreeDef`` equality; a test shows it).
-    """
-    return field(default=name, kw_only=True, repr=False, metadata={"static": True})
 
 
 class Value(Batched):

@@ -7,10 +7,11 @@ import jax
 import jax.numpy as jnp
 
 from jaxframes.errors import ShapeError
+from jaxframes.numerics.batch import tag
 from jaxframes.numerics.components import V3, cross
 from jaxframes.numerics.lift import lift
 from jaxframes.spatial import so3
-from jaxframes.spatial.value import LinearValue, tag
+from jaxframes.spatial.value import LinearValue
 from jaxframes.staging.arrays import as_float
 
 

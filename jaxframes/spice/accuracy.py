@@ -9,10 +9,10 @@ import numpy as np
 
 from jaxframes.errors import TableError
 from jaxframes.numerics import host_quaternions
-from jaxframes.spice.extraction.joining import METRES, HostLeg
 from jaxframes.spice.kernels import Kernels
 from jaxframes.spice.reading.process import CspiceError
 from jaxframes.tables import host_evaluate
+from jaxframes.tables.records import METRES, HostLeg
 
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels

@@ -19,7 +19,13 @@ class KernelSource:
     """Kernels as the source of edges over one span."""
 
     def __init__(
-        self, kernels: Any, start: Instant | None, stop: Instant | None, ck: str, bridge: float | None, tolerance: Tolerance | None
+        self,
+        kernels: Any,
+        start: Instant | None = None,
+        stop: Instant | None = None,
+        ck: str = "smooth",
+        bridge: float | None = None,
+        tolerance: Tolerance | None = None,
     ):
         """Take open kernels, the span that edges shall cover, and what the classes of frames ask for."""
         self._kernels, self._start, self._stop = kernels, start, stop

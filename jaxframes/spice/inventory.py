@@ -12,7 +12,6 @@ from jaxframes.errors import CoverageError, NoPathError, SpiceError, UnknownBody
 from jaxframes.spice.edge_source_kernels import KernelSource
 from jaxframes.spice.extraction.text_pck import has_text_pck
 from jaxframes.spice.options import Tolerance
-from jaxframes.spice.placing import place
 from jaxframes.spice.reading.clocks import clock_of, read_leap_seconds
 from jaxframes.spice.reading.frame_chain import CK, CLASSES, DYNAMIC, INERTIAL, PCK, SWITCH, anchored
 from jaxframes.spice.reading.naming import SSB, Names
@@ -23,6 +22,7 @@ from jaxframes.time.calendar import tdb_text
 from jaxframes.time.scales import LeapSeconds
 from jaxframes.tree.builder import TreeBuilder
 from jaxframes.tree.frame_tree import FrameTree
+from jaxframes.tree.placing import OffersEdges, place
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def _pair(given: Sequence[Any]) -> Sequence[Any]:
     return given
 
 
-class Inventory(Names):
+class Inventory(Names, OffersEdges):
     """What ``Kernels`` says of its content, and the trees that it makes of it."""
 
     _process: Any
@@ -229,17 +229,6 @@ class Inventory(Names):
             place(builder, source, *(_pair(frame) if isinstance(frame, (tuple, list)) else (self._axes(frame)["center"], frame)))
         return builder.build()
 
-    def add_to_tree(
-        self,
-        builder: TreeBuilder,
-        *,
-        body: str | int,
-        frame: str | int | None,
-        start: Instant | None = None,
-        stop: Instant | None = None,
-        ck: str = "smooth",
-        bridge: float | None = None,
-        tolerance: Tolerance | None = None,
-    ) -> str:
-        """Find or add the frame of a body in a builder; see ``TreeBuilder.add_spice``."""
-        return place(builder, KernelSource(self, start, stop, ck, bridge, tolerance), body, frame)
+    def edge_source(self, **options: Any) -> KernelSource:
+        """Return these kernels as the source of a tree's edges; the options are ``tree``'s, see ``TreeBuilder.add_spice``."""
+        return KernelSource(self, **options)

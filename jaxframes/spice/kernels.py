@@ -24,7 +24,7 @@ from jaxframes.spice.reading.segments import Piece, Segment, coverage, handed_ov
 from jaxframes.tables.base import Table, TranslationTable
 from jaxframes.tables.info import Info, Source, decimal
 from jaxframes.tables.instants import Instant, exact_seconds, pairs, reference_day, span_text
-from jaxframes.tables.records import to_leg
+from jaxframes.tables.records import METRES, HostLeg, to_leg
 
 T = TypeVar("T", bound=Table)
 
@@ -214,7 +214,7 @@ class Kernels(Inventory):
         """
         of, relative, axes = self._body(target, "target"), self._body(center, "center"), self._axes(frame)["name"]
         found = self._process.call("states", of, relative, axes, np.asarray(times, float), correction, doing="computing states")
-        return found[:, :3] * joining.METRES, found[:, 3:] * joining.METRES
+        return found[:, :3] * METRES, found[:, 3:] * METRES
 
     def turns(self, *, frame: str, times: Any, relative_to: str = "J2000") -> tuple[np.ndarray, np.ndarray]:
         """Return what CSPICE itself says (``sxform``): rotation matrices o_R_p [n, 3, 3] and angular velocities [n, 3] in rad/s.
@@ -231,7 +231,7 @@ class Kernels(Inventory):
         name: str,
         names: tuple[str, int, str, int, str],
         bounds: tuple[Fraction, Fraction],
-        legs: Sequence[joining.HostLeg],
+        legs: Sequence[HostLeg],
         used: Sequence[Piece | Path],
         facts: dict[str, Any] | None = None,
         **more: Any,
@@ -252,7 +252,7 @@ class Kernels(Inventory):
         fields = {"legs": made, "reference": pairs(Fraction(reference)), "span": pairs(*(x - reference for x in bounds)), "info": info}
         return kind(**fields, **more)  # pyright: ignore[reportCallIssue]
 
-    def _join(self, parts: list[tuple[Piece, np.ndarray | None]], sign: int, start: Fraction) -> tuple[joining.HostLeg, list[float]]:
+    def _join(self, parts: list[tuple[Piece, np.ndarray | None]], sign: int, start: Fraction) -> tuple[HostLeg, list[float]]:
         records, late = [], handed_over([piece for piece, _ in parts])
         for (piece, rotation), last_instant_taken in zip(parts, late, strict=True):
             read = replace(node_segments.read(self._process, piece), late=last_instant_taken)

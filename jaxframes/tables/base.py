@@ -64,13 +64,6 @@ class Table(Edge):
         """Return the table without the marks of its gaps and of the open end of its last record."""
         return self.replace(legs=tuple(leg.unmarked() for leg in self.legs))
 
-    def add_to_tree(self, builder: Any, *, body: str | int, frame: str | int | None, tables: Any = None) -> str:
-        """Find or add the frame of a body in a builder, from these tables; see ``TreeBuilder.add_spice``."""
-        from jaxframes.spice.edge_source_tables import TableSource
-        from jaxframes.spice.placing import place
-
-        return place(builder, TableSource(tables or [self]), body, frame)
-
     def kind(self) -> Hashable:
         """Return what tables have in common that are evaluated as one, whatever the number of their records."""
         own = tuple(getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in (*self.parameter_fields(), "info"))  # pyright: ignore[reportArgumentType]

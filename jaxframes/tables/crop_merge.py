@@ -10,7 +10,7 @@ import numpy as np
 
 from jaxframes.errors import CoverageError, TableError
 from jaxframes.numerics import host_two_part
-from jaxframes.spice.extraction import joining
+from jaxframes.tables import index as cells
 from jaxframes.tables.base import Table
 from jaxframes.tables.info import Info, decimal
 from jaxframes.tables.instants import Instant, exact_seconds, span_text, split, two_parts
@@ -57,7 +57,7 @@ def crop(table: T, start: Instant | None = None, stop: Instant | None = None) ->
             cut["grid"] = np.array([*two_parts(starts[first]), arrays["grid"][2]])
             compares = 0
         else:
-            index, compares = joining.irregular(starts[kept], max(high - reference, starts[last - 1] + CLOSE))
+            index, compares = cells.irregular(starts[kept], max(high - reference, starts[last - 1] + CLOSE))
             cut |= index
         legs.append(_leg(cut, leg, compares, info))
     return _made(
@@ -110,7 +110,7 @@ def merge(*tables: Any) -> Any:
             starts += edges[1:]
             arrays.append(rows[1:] if same else rows)
             keep.append(slice(1 if same else 0, None))
-        index, compares = joining.index(starts, ends[-1] - reference)
+        index, compares = cells.index(starts, ends[-1] - reference)
         legs.append(_leg({"rows": np.concatenate(arrays), **index}, leg, compares, info))
     more = {n: jnp.concatenate([getattr(p, n)[k] for p, k in zip(parts, keep, strict=True)]) for n in _by_record(info)}
     return _made(first, tuple(legs), _joined_info([t.info for t in ordered], ends[-1]), more)

@@ -60,13 +60,6 @@ class FixedFrame(Fixed):
         ]
         return "\n".join(lines)
 
-    def add_to_tree(self, builder: Any, *, body: str | int, frame: str | int | None, tables: Any = None) -> str:
-        """Find or add the frame of a body in a builder, from these tables; see ``TreeBuilder.add_spice``."""
-        from jaxframes.spice.edge_source_tables import TableSource
-        from jaxframes.spice.placing import place
-
-        return place(builder, TableSource(tables or [self]), body, frame)
-
     def to_arrays(self) -> dict[str, np.ndarray]:
         """Return the numbers as float64 arrays; exact, so that ``from_arrays`` gives the same edge again."""
         return {"rotation": np.array(self.transform.rotation.wxyz, np.float64)}

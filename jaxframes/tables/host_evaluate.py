@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from jaxframes.numerics import host_quaternions, host_two_part
-from jaxframes.spice.extraction.joining import HostLeg
+from jaxframes.tables.records import HostLeg
 
 Motion = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Value, rate and acceleration at epochs: positions or quaternions [n, 3 | 4], then [n, 3] each."""

@@ -76,13 +76,6 @@ class IauOrientation(Edge):
         triples = tuple(V3(*values[i : i + 3]) for i in range(0, len(values), 3))
         return turns(Quat(*parameters(self.placement, inputs.batch_rank)), triples)
 
-    def add_to_tree(self, builder: Any, *, body: str | int, frame: str | int | None, tables: Any = None) -> str:
-        """Find or add the frame of a body in a builder, from these tables; see ``TreeBuilder.add_spice``."""
-        from jaxframes.spice.edge_source_tables import TableSource
-        from jaxframes.spice.placing import place
-
-        return place(builder, TableSource(tables or [self]), body, frame)
-
     def describe(self) -> str:
         """Return the kind of the edge and its frames."""
         return f"IAU model: {self.info.of} from {self.info.relative_to}"

@@ -8,6 +8,8 @@ from jaxframes.tables.instants import span_text
 
 EXTRACTION = "exact extraction of Chebyshev records"
 
+UNITS = {"translation": ("m", "m/s", "m/s2"), "orientation": ("rad", "rad/s", "rad/s2")}
+
 
 @dataclass(frozen=True)
 class Source:

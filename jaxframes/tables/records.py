@@ -12,6 +12,7 @@ from jaxframes.staging.arrays import default_float
 from jaxframes.staging.sharding import rows_at
 from jaxframes.tables.instants import split
 
+METRES = 1000.0
 RESOLVED = 2.0**-18
 """Seconds that two float32 tell apart, thirty years from J2000."""
 LOW_TERMS = 6
@@ -181,3 +182,27 @@ def from_leg(leg: Leg) -> dict[str, np.ndarray]:
         ends = np.array(leg.ends, np.float64)
         arrays |= {"first": np.array(leg.first, np.float64), "ends": np.stack(split(ends[:, 0], ends[:, 1], np.dtype(np.float64)), 1)}
     return arrays
+
+
+@dataclass(frozen=True)
+class HostLeg:
+    """A leg in float64 on the host: the arrays of ``legs.Leg`` under their names, with its static numbers."""
+
+    arrays: dict[str, np.ndarray]
+    series: int
+    compares: int
+
+    def same_grid(self, other: "HostLeg") -> bool:
+        """Whether two legs have the same records in time, so that their coefficients can be added."""
+        if (self.series, self.compares, set(self.arrays)) != (other.series, other.compares, set(other.arrays)):
+            return False
+        pairs = [(self.arrays[name], other.arrays[name]) for name in self.arrays if name != "rows"]
+        pairs.append((self.arrays["rows"][:, -3:], other.arrays["rows"][:, -3:]))
+        return all(np.array_equal(a, b) for a, b in pairs)
+
+
+def in_metres(leg: HostLeg) -> HostLeg:
+    """Return a leg with its coefficients turned from km and km/s to m and m/s: one rounding each."""
+    rows = leg.arrays["rows"].copy()
+    rows[:, :-3] *= METRES
+    return HostLeg({**leg.arrays, "rows": rows}, leg.series, leg.compares)

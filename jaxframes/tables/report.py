@@ -4,9 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jaxframes.spice.options import UNITS
 from jaxframes.tables.host_evaluate import derivatives
-from jaxframes.tables.info import Info
+from jaxframes.tables.info import UNITS, Info
 from jaxframes.tables.naif_ids import labelled
 from jaxframes.tables.records import Leg, from_leg
 

@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import FrameError
+from jaxframes.numerics.batch import tag
 from jaxframes.numerics.two_part import fast_two_sum, two_sum
-from jaxframes.spatial.value import tag
 from jaxframes.staging.arrays import default_float, is_concrete
 from jaxframes.time import calendar, epoch_ranges
 from jaxframes.time.calendar import tdb_seconds, tdb_text

@@ -1,17 +1,15 @@
 """Chain: the static path between two frames as a view of a tree."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
 
 import jax
 
 from jaxframes.errors import TopologyError
+from jaxframes.kinematics import queries
 from jaxframes.model.state import State
+from jaxframes.model.structure import Structure
 from jaxframes.spatial import Motion, SpatialAcceleration, SpatialVelocity, Transform
 from jaxframes.tree import solve
-
-if TYPE_CHECKING:
-    from jaxframes.tree.frame_tree import FrameTree
 
 
 @jax.tree_util.register_dataclass
@@ -26,7 +24,7 @@ class Chain:
         path: (name of the edge's child frame, +1 downwards or -1 upwards) for each edge, from ``relative_to`` to ``of``.
     """
 
-    tree: "FrameTree"
+    tree: Structure
     of: str = field(metadata={"static": True})
     relative_to: str = field(metadata={"static": True})
     path: tuple[tuple[str, int], ...] = field(metadata={"static": True})
@@ -54,19 +52,19 @@ class Chain:
 
     def transform(self, state: State) -> Transform:
         """Return the pose of ``of`` in ``relative_to``."""
-        return self.tree.transform(state, of=self.of, relative_to=self.relative_to)
+        return queries.between(self.tree, state, self.of, self.relative_to, order=0).transform
 
     def velocity(self, state: State, *, expressed_in: str | None = None) -> SpatialVelocity:
         """Return the velocity of ``of`` relative to ``relative_to``."""
-        return self.tree.velocity(state, of=self.of, relative_to=self.relative_to, expressed_in=expressed_in)
+        return queries.between(self.tree, state, self.of, self.relative_to, expressed_in, 1).velocity
 
     def acceleration(self, state: State, *, expressed_in: str | None = None) -> SpatialAcceleration:
         """Return the acceleration of ``of`` relative to ``relative_to`` (NoAccelerationError names the edge that has none)."""
-        return self.tree.acceleration(state, of=self.of, relative_to=self.relative_to, expressed_in=expressed_in)
+        return queries.between(self.tree, state, self.of, self.relative_to, expressed_in, 2).acceleration
 
     def motion(self, state: State) -> Motion:
         """Return pose, velocity and acceleration of ``of`` relative to ``relative_to``."""
-        return self.tree.motion(state, of=self.of, relative_to=self.relative_to)
+        return queries.between(self.tree, state, self.of, self.relative_to)
 
     def subchain_orientation(self, other: "Chain") -> bool | None:
         """Return True if another chain lies on this one in the same direction, False if reversed, None if it does not.
@@ -128,9 +126,9 @@ class Chain:
     def _split(self, sub: "Chain") -> tuple[bool, "Chain"]:
         if self.subchain_orientation(sub):
             if sub.relative_to == self.relative_to:
-                return True, self.tree.chain(of=self.of, relative_to=sub.of)
+                return True, make_chain(self.tree, self.of, sub.of)
             if sub.of == self.of:
-                return False, self.tree.chain(of=sub.relative_to, relative_to=self.relative_to)
+                return False, make_chain(self.tree, sub.relative_to, self.relative_to)
         raise TopologyError(
             f"cannot solve for the chain {sub.relative_to!r} -> {sub.of!r}: it must be a part of {self.relative_to!r} -> {self.of!r} "
             f"({' -> '.join(self.frames)}) in the same direction, from its start or to its end"
@@ -140,7 +138,7 @@ class Chain:
         return f"Chain({' -> '.join(self.frames)})"
 
 
-def make_chain(tree: Any, of: str, relative_to: str, oriented: bool) -> Chain:
+def make_chain(tree: Structure, of: str, relative_to: str, oriented: bool = False) -> Chain:
     """Return the chain between two frames; an oriented one must only go down (TopologyError)."""
     path = tree.path(of=of, relative_to=relative_to)
     if oriented and any(direction < 0 for _, direction in path):

@@ -6,8 +6,8 @@ from typing import Any
 import jax
 import numpy as np
 
+from jaxframes.model.attachment_graph import hangs_on
 from jaxframes.model.state import State
-from jaxframes.tree.attaching import hangs_on
 
 
 def check(tree: Any, state: State) -> tuple[str, ...]:

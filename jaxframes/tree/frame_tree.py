@@ -1,83 +1,33 @@
 """FrameTree: the compiled tree that users hold; its numbers are leaves, its topology is static."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import jax
 
-from jaxframes.edges.base import Edge
-from jaxframes.errors import EdgeError, ShapeError
+from jaxframes.kinematics import queries
 from jaxframes.kinematics.apparent import ApparentState, checked
-from jaxframes.model import parameters
-from jaxframes.model.parameter_names import Parameters
+from jaxframes.kinematics.plan import over_all_frames
 from jaxframes.model.state import State
-from jaxframes.model.topology import Topology
 from jaxframes.spatial import Motion, SpatialAcceleration, SpatialVelocity, Transform, Twist, Wrench
-from jaxframes.tree.attaching import Attaching
+from jaxframes.tree import edit
 from jaxframes.tree.chain import Chain, make_chain
-from jaxframes.tree.describe import Described
-from jaxframes.tree.engine import engine
+from jaxframes.tree.check import check
+from jaxframes.tree.states import States
+from jaxframes.tree.text import DumpOptions, explain, format_tree, path_in_state
 
-Screw = TypeVar("Screw", Twist, Wrench)
+SpatialQuantity = TypeVar("SpatialQuantity", Twist, Wrench)
 
 
 @jax.tree_util.register_pytree_with_keys_class
-@dataclass(frozen=True, eq=False)
-class FrameTree(Parameters, Described, Attaching):
+class FrameTree(States):
     """A named tree of reference frames; made by ``TreeBuilder.build``.
 
     Queries name their frames with keywords: ``of`` is the frame asked about, ``relative_to`` the observer, ``expressed_in``
     only the axes of the result (default: ``relative_to``). Every query is a pure function of the tree's numbers and a
     ``State``: it jits, vmaps, scans and differentiates, and broadcasts leading batch axes of tree and state. Paths go through
     the lowest common ancestor, never through the root. Outside the coverage of a table the value and its gradient are NaN.
-
-    Attributes:
-        frame_edges: The edge above each frame but the root, in the order of ``names``.
-        topology: Names, parents and layout; static, hashable, equal by value.
-
-    As a pytree a tree's children are its edges, and their keys the frames' names: the path of a leaf reads
-    ``['camera'].placement.translation``, so whatever stores numbers by their paths keeps each with its frame.
     """
-
-    frame_edges: tuple[Edge, ...]
-    topology: Topology
-
-    def tree_flatten(self) -> tuple[tuple[Edge, ...], Topology]:
-        """Return the edges, and the topology (for JAX)."""
-        return self.frame_edges, self.topology
-
-    def tree_flatten_with_keys(self) -> tuple[list[tuple[Any, Edge]], Topology]:
-        """Return the edges with the names of their frames, and the topology (for JAX)."""
-        return list(zip(self.topology.keys, self.frame_edges, strict=True)), self.topology
-
-    @classmethod
-    def tree_unflatten(cls, topology: Topology, edges: Any) -> "FrameTree":
-        """Return the tree of some edges (for JAX)."""
-        return cls(tuple(edges), topology)
-
-    def with_edge(self, name: str, edge: Edge) -> "FrameTree":
-        """Return a tree with the numbers of one edge replaced by those of an edge of the same family; nothing retraces.
-
-        Raises:
-            UnknownFrameError: No such frame.
-            EdgeError: The new edge is of another family; build another tree for that.
-        """
-        frame, old = self.topology.index(name), self.edge(name)
-        if not isinstance(edge, Edge):
-            raise EdgeError(f"frame {name!r}: expected an edge, found {type(edge).__name__}")
-        fresh = parameters.like(edge, old)
-        if fresh is None:
-            raise EdgeError(f"frame {name!r} hangs on {old.describe()}, which cannot become {edge.describe()}; build another tree")
-        return FrameTree((*self.frame_edges[: frame - 1], fresh, *self.frame_edges[frame:]), self.topology)
-
-    def astype(self, dtype: Any) -> "FrameTree":
-        """Return the tree with its float numbers converted, e.g. to compute in float32."""
-        converted = {id(edge): edge.astype(dtype) for edge in self.distinct_edges}
-        return FrameTree(tuple(converted[id(edge)] for edge in self.frame_edges), self.topology)
-
-    def _with_edges(self, edges: tuple[Edge, ...]) -> "FrameTree":
-        return FrameTree(edges, self.topology)
 
     # --- queries ------------------------------------------------------------------------------------------------------------
 
@@ -99,7 +49,7 @@ class FrameTree(Parameters, Described, Attaching):
         Cost: one composition for each edge on the static path through the common ancestor.
         Gradients: smooth in every input; NaN outside a table's span.
         """
-        return self._between(state, of, relative_to, None, 0).transform
+        return queries.between(self, state, of, relative_to, None, 0).transform
 
     def velocity(self, state: State, *, of: str, relative_to: str, expressed_in: str | None = None) -> SpatialVelocity:
         """Return the velocity of one frame relative to another.
@@ -120,7 +70,7 @@ class FrameTree(Parameters, Described, Attaching):
             UnknownFrameError: A name is not in the tree.
             MissingInputError: The path crosses a table and the state has no time.
         """
-        return self._between(state, of, relative_to, expressed_in, 1).velocity
+        return queries.between(self, state, of, relative_to, expressed_in, 1).velocity
 
     def acceleration(self, state: State, *, of: str, relative_to: str, expressed_in: str | None = None) -> SpatialAcceleration:
         """Return the acceleration of one frame relative to another: the classical second derivative, not Featherstone's.
@@ -143,7 +93,7 @@ class FrameTree(Parameters, Described, Attaching):
             MissingInputError: The path crosses a table and the state has no time.
             NoAccelerationError: An edge on the path has no accelerations.
         """
-        return self._between(state, of, relative_to, expressed_in, 2).acceleration
+        return queries.between(self, state, of, relative_to, expressed_in, 2).acceleration
 
     def motion(self, state: State, *, of: str, relative_to: str) -> Motion:
         """Return pose, velocity and acceleration of one frame relative to another, in the axes of ``relative_to``.
@@ -153,7 +103,7 @@ class FrameTree(Parameters, Described, Attaching):
             MissingInputError: The path crosses a table and the state has no time.
             NoAccelerationError: An edge on the path has no accelerations.
         """
-        return self._between(state, of, relative_to, None, 2)
+        return queries.between(self, state, of, relative_to, None, 2)
 
     def apparent(
         self,
@@ -197,35 +147,30 @@ class FrameTree(Parameters, Described, Attaching):
         Precision: float64 meets SPICE's own rounding (a few mm); float32 holds distances from the root to 6e-8 only, 9 km at 1 au.
         """
         options = {"light_time": light_time, "aberration": aberration, "direction": direction, "order": order}
-        return engine().apparent(self, state, looking=checked(self, of, relative_to, expressed_in, options))
+        return queries.apparent(self, state, checked(self, of, relative_to, expressed_in, options))
 
     def world_transforms(self, state: State) -> Transform:
         """Return the poses of all frames in the root, in the order of ``names``: leaves [..., n_frames, 4] and [..., n_frames, 3]."""
-        return engine().all_frames(self, state, relative_to=0, order=0).transform
+        return queries.all_frames(self, state, self.root, 0).transform
 
     def world_velocities(self, state: State) -> SpatialVelocity:
         """Return the velocities of all frames relative to the root, leaves [..., n_frames, 3]."""
-        return engine().all_frames(self, state, relative_to=0, order=1).velocity
+        return queries.all_frames(self, state, self.root, 1).velocity
 
     def world_motions(self, state: State) -> Motion:
         """Return the motions of all frames relative to the root, leaves [..., n_frames, 4 or 3] (NoAccelerationError)."""
-        return engine().all_frames(self, state, relative_to=0, order=2)
+        return queries.all_frames(self, state, self.root, 2)
 
     def relative_transforms(self, state: State, *, relative_to: str) -> Transform:
         """Return the poses of all frames in one frame, leaves [..., n_frames, 4 or 3] in the order of ``names``.
 
         Paths start at ``relative_to``: near frames keep their precision even where the root is far away.
         """
-        return engine().all_frames(self, state, relative_to=self.topology.index(relative_to), order=0).transform
+        return queries.all_frames(self, state, relative_to, 0).transform
 
     def transforms_between(self, state: State, *, of: Sequence[str], relative_to: Sequence[str]) -> Transform:
         """Return the poses of several frames in several others: leaves [..., len(relative_to), len(of), 4 or 3]."""
-        if isinstance(of, str) or isinstance(relative_to, str) or not of or not relative_to:
-            raise ShapeError(
-                f"transforms_between takes lists of frame names that are not empty, found of={of!r}, relative_to={relative_to!r}"
-            )
-        index = self.topology.index
-        return engine().pairs(self, state, of=tuple(map(index, of)), relative_to=tuple(map(index, relative_to)))
+        return queries.pairs(self, state, of, relative_to)
 
     def transform_across(self, *, of: str, of_state: State, relative_to: str, relative_to_state: State, fixed: str) -> Transform:
         """Return the pose of a frame at one state in another frame at another state, through a frame taken as fixed.
@@ -251,26 +196,26 @@ class FrameTree(Parameters, Described, Attaching):
             UnknownFrameError: A name is not in the tree.
             MissingInputError: The path crosses a table and the state has no time.
         """
-        return engine().jacobian(self, state, **self._indices(of, relative_to, expressed_in))
+        return queries.jacobian(self, state, of, relative_to, expressed_in)
 
     def jacobian_dot(self, state: State, *, of: str, relative_to: str, expressed_in: str | None = None) -> jax.Array:
         """Return the time derivative [..., 6, nv] of ``jacobian`` as the joints, tables and prescribed frames move.
 
         Where only joints move, ``acceleration`` is ``jacobian @ qdd + jacobian_dot @ qd``.
         """
-        return engine().jacobian_dot(self, state, **self._indices(of, relative_to, expressed_in))
+        return queries.jacobian_dot(self, state, of, relative_to, expressed_in)
 
     def rate(self, state: State) -> State:
         """Return the time derivative of a state, field by field: the tangent that moves it along (for ``jax.jvp``)."""
-        return engine().rate(self, state)
+        return queries.rate(self, state)
 
-    def express(self, vector: Any, state: State, *, from_: str, to: str) -> jax.Array:
-        """Return a free vector [..., 3] given in the axes of one frame in those of another; no origin enters."""
-        return self.transform(state, of=from_, relative_to=to).rotation @ vector
+    def express(self, state: State, vector: Any, *, of: str, relative_to: str) -> jax.Array:
+        """Return a free vector [..., 3] given in the axes of one frame, ``of``, in those of another, ``relative_to``; no origin enters."""
+        return self.transform(state, of=of, relative_to=relative_to).rotation @ vector
 
-    def transport(self, value: Screw, state: State, *, from_: str, to: str) -> Screw:
-        """Return a twist or wrench given in the axes and about the origin of one frame in those of another."""
-        return value.transform(self.transform(state, of=from_, relative_to=to))
+    def transport(self, state: State, value: SpatialQuantity, *, of: str, relative_to: str) -> SpatialQuantity:
+        """Return a twist or wrench given in the axes and about the origin of one frame, ``of``, in those of another, ``relative_to``."""
+        return value.transform(self.transform(state, of=of, relative_to=relative_to))
 
     def chain(self, *, of: str, relative_to: str, oriented: bool = False) -> Chain:
         """Return the static path between two frames as a view of this tree.
@@ -286,19 +231,13 @@ class FrameTree(Parameters, Described, Attaching):
         """
         return make_chain(self, of, relative_to, oriented)
 
-    def rebuild(self) -> Any:
-        """Return a ``TreeBuilder`` that holds this tree's frames, edges, joint names and properties, ready to be changed."""
-        from jaxframes.tree.builder import TreeBuilder
-
-        return TreeBuilder.from_tree(self)
-
-    def reattached(self, frame: str, to: str, state: State, *, keep: str = "relative") -> "FrameTree":
+    def reattached(self, state: State, frame: str, to: str, *, keep: str = "relative") -> "FrameTree":
         """Return a new static tree in which a frame, with all that hangs on it, hangs on another frame (on the host).
 
         Args:
+            state: Where everything is now.
             frame: The frame to move.
             to: Its new parent.
-            state: Where everything is now.
             keep: ``"relative"`` keeps the edge as it is; ``"world"`` keeps the pose that the frame has in ``state``: a joint
                 keeps its axis and coordinate and gets another placement, an attachable frame becomes fixed.
 
@@ -307,17 +246,79 @@ class FrameTree(Parameters, Described, Attaching):
             TopologyError: The frame is the root, or ``to`` hangs on it.
             EdgeError: ``keep="world"`` and the edge has no placement that could take up the difference.
         """
-        from jaxframes.tree.reattach import reattached
+        return edit.reattached(self, state, frame, to, keep)
 
-        return reattached(self, frame, to, state, keep)
+    def extract(self, root: str, *, prefix: str = "") -> "FrameTree":
+        """Return a frame and all that hangs on it as a tree of its own: the inverse of ``TreeBuilder.include``.
 
-    def _indices(self, of: str, relative_to: str, expressed_in: str | None) -> dict[str, int]:
-        index = self.topology.index
-        axes = relative_to if expressed_in is None else expressed_in
-        return {"of": index(of), "relative_to": index(relative_to), "expressed_in": index(axes)}
+        Extracted copies of one robot have equal topologies (and that of the robot itself), so they share compiled programs.
 
-    def _between(self, state: State, of: str, relative_to: str, expressed_in: str | None, order: int) -> Motion:
-        return engine().between(self, state, order=order, **self._indices(of, relative_to, expressed_in))
+        Args:
+            root: Frame that becomes the root.
+            prefix: Text taken off the front of every frame and joint name that starts with it.
+
+        Raises:
+            UnknownFrameError: No such frame.
+            UnknownJointError: A joint inside follows one outside.
+        """
+        return edit.extract(self, root, prefix)
+
+    def extract_state(self, state: State, root: str) -> State:
+        """Return the part of a state that the tree ``extract(root)`` takes (EdgeError where attachable frames are inside)."""
+        return edit.extract_state(self, state, root)
+
+    def format(self, options: DumpOptions | None = None, *, state: State | None = None) -> str:
+        """Return the tree as text, one line a frame.
+
+        Args:
+            options: What each line says. Default: names and edges.
+            state: With a state, each line also gives the pose in the parent (one instant, no batch).
+        """
+        return format_tree(self, options or DumpOptions(), state)
+
+    def explain(self, *, of: str | None = None, relative_to: str | None = None, state: State | None = None) -> str:
+        """Return text that says which edges a query between two frames touches, in which direction, and what each needs.
+
+        Without ``of``: how queries about all frames go through the tree, and why. Where attachable frames stand between two
+        frames, the path depends on the state: pass one to see its path.
+        """
+        if of is None:
+            return over_all_frames(self.topology)
+        return explain(self, of, self.root if relative_to is None else relative_to, state)
+
+    def describe(self, state: State, *, of: str, relative_to: str) -> dict[str, Any]:
+        """Return all read-outs of a pair of frames.
+
+        Returns:
+            ``of``, ``relative_to``, ``path``, ``frames``, ``oriented``, ``edges``, ``supports_accelerations``, ``transform``,
+            ``velocity``, ``acceleration`` (None where the chain has none), and the ``parent`` of ``of``.
+        """
+        path = path_in_state(self, state, of, relative_to)
+        frames = [relative_to]
+        for name, direction in path:
+            frames.append(name if direction > 0 else self.parent(name, state))
+        accelerates = all(self.edge(name).supports_accelerations for name, _ in path)
+        names = {"of": of, "relative_to": relative_to}
+        return {
+            **names,
+            "parent": None if of == self.root else self.parent(of, state),
+            "path": path,
+            "frames": tuple(frames),
+            "oriented": all(direction > 0 for _, direction in path),
+            "edges": {name: self.edge(name).describe() for name, _ in path},
+            "supports_accelerations": accelerates,
+            "transform": self.transform(state, **names),
+            "velocity": self.velocity(state, **names),
+            "acceleration": self.acceleration(state, **names) if accelerates else None,
+        }
+
+    def check(self, state: State) -> tuple[str, ...]:
+        """Return what is wrong with a state and with this tree's numbers, a sentence each, by name; empty if nothing is.
+
+        Looked for: numbers that are not finite, quaternions that are not unit, epochs outside a table, joint limits exceeded.
+        Runs on the host: not under jit.
+        """
+        return check(self, state)
 
     def __str__(self) -> str:
         return self.format()

@@ -4,16 +4,23 @@ from collections.abc import Mapping
 from typing import Any
 
 import jax
+import jax.numpy as jnp
+import numpy as np
 
 from jaxframes.edges.mimic import Mimic
-from jaxframes.errors import MissingInputError, TopologyError
+from jaxframes.errors import EdgeError, FrameError, MissingInputError, ShapeError, TopologyError
+from jaxframes.kinematics import queries
 from jaxframes.model import joint_values
-from jaxframes.model.joint_space import Manifold, same_batch
+from jaxframes.model.attachment_graph import check_target, hangs_on
+from jaxframes.model.joint_space import JointSpace, same_batch
 from jaxframes.model.state import State
 from jaxframes.spatial import Motion, SpatialAcceleration, SpatialVelocity, Transform
+from jaxframes.staging.arrays import is_concrete
+
+KEEP = ("relative", "world", "motion")
 
 
-class Stateful(Manifold):
+class States(JointSpace):
     """What a tree can do with states: all pure functions that return a new state."""
 
     def state(self, *, q: Any = None, qd: Any = None, qdd: Any = None, time: Any = None) -> State:
@@ -49,14 +56,14 @@ class Stateful(Manifold):
         """Return the coordinates [..., k] of a joint, also of one that follows another (UnknownJointError)."""
         t = self.topology
         frame = t.edge_index.get(name, 0)
-        if t.sources and t.sources[frame] >= 0 and isinstance(edge := self._edge(frame), Mimic):
+        if t.sources and t.sources[frame] >= 0 and isinstance(edge := self.edge_of(frame), Mimic):
             followed = self.get_q(state, t.edge_names[t.sources[frame]] or "")[..., edge.coordinate : edge.coordinate + edge.edge.nq]
             factor, offset, followed = same_batch(edge.multiplier, edge.offset, followed)
             return factor * followed + offset
         first, count, _, _ = t.coordinates[t.joint_frames[t.joint(name)]]
         return state.q[..., first : first + count]
 
-    def move_to(self: Any, state: State, name: str, transform: Transform, *, relative_to: str | None = None) -> State:
+    def move_to(self, state: State, name: str, transform: Transform, *, relative_to: str | None = None) -> State:
         """Return a state in which a movable frame has a pose given in any frame (RobWork's moveTo); at what rate, stays.
 
         Args:
@@ -68,36 +75,17 @@ class Stateful(Manifold):
         Raises:
             UnknownFrameError: A name is not in the tree.
             EdgeError: The frame's edge is none of these.
-            TopologyError: ``relative_to`` hangs on the frame.
+            TopologyError: ``relative_to`` hangs on the frame in this state. Where what it hangs on is traced, the pose is NaN instead.
         """
         observer = self.root if relative_to is None else relative_to
-        if self.is_ancestor(name, observer):
+        parents = self.attachments_in(state).parents if self.topology.attachables else np.zeros(0, np.int32)
+        follows = hangs_on(self.topology, parents, self.topology.index(observer), self.topology.index(name))
+        if is_concrete(follows) and np.any(follows):
             raise TopologyError(f"cannot place {name!r} relative to {observer!r}, which hangs on it and moves along; name another frame")
-        parent_T_observer = self.transform(state, of=observer, relative_to=self.parent(name, state))
-        return self.set_motion(state, name, parent_T_observer @ transform)
-
-    def extract(self, root: str, *, prefix: str = "") -> Any:
-        """Return a frame and all that hangs on it as a tree of its own: the inverse of ``TreeBuilder.include``.
-
-        Extracted copies of one robot have equal topologies (and that of the robot itself), so they share compiled programs.
-
-        Args:
-            root: Frame that becomes the root.
-            prefix: Text taken off the front of every frame and joint name that starts with it.
-
-        Raises:
-            UnknownFrameError: No such frame.
-            UnknownJointError: A joint inside follows one outside.
-        """
-        from jaxframes.tree.extract import extract
-
-        return extract(self, root, prefix)
-
-    def extract_state(self, state: State, root: str) -> State:
-        """Return the part of a state that the tree ``extract(root)`` takes (EdgeError where attachable frames are inside)."""
-        from jaxframes.tree.extract import extract_state
-
-        return extract_state(self, state, root)
+        pose = queries.between(self, state, observer, self.parent(name, state), order=0).transform @ transform
+        if not is_concrete(follows):
+            pose = jax.tree.map(lambda leaf: jnp.where(follows[..., None], jnp.nan, leaf), pose)
+        return self.set_motion(state, name, pose)
 
     def set_motion(
         self,
@@ -144,3 +132,57 @@ class Stateful(Manifold):
         if timed and state.time is None:
             raise MissingInputError(f"frame {next(iter(timed))!r} hangs on a table, and the state has no time; pass time= to tree.state")
         return {name: edge.coverage_code(state.time) for name, edge in timed.items()}
+
+    def attach(self, state: State, frame: str, to: Any, *, keep: str = "relative") -> State:
+        """Return a state in which an attachable frame hangs on another frame; nothing retraces when the parent changes.
+
+        Args:
+            state: Where everything is now.
+            frame: The attachable frame.
+            to: The new parent: a name, or frame indices [...] that may be traced (``tree.topology.index(name)``).
+            keep: ``"relative"`` keeps the motion relative to the parent, so the frame jumps with its parent's pose. ``"world"``
+                keeps the pose in the world and puts the frame at rest on the new parent: a grip. ``"motion"`` keeps pose,
+                velocity and acceleration (where every edge of the tree has one) at this instant; it assumes that the caller
+                moves the frame on, because a state holds values of one instant only.
+
+        Returns:
+            A new state; the old one is as it was, also after an error.
+
+        Raises:
+            UnknownFrameError: A name is not in the tree.
+            EdgeError: ``frame`` is not attachable.
+            TopologyError: ``to`` is the frame itself, hangs on it, or is not among its candidates. For traced indices nothing can
+                be raised: poses that depend on the frame are then NaN, and ``attachments_valid`` says where.
+        """
+        if keep not in KEEP:
+            raise FrameError(f"attach(keep=...) takes one of {', '.join(map(repr, KEEP))}, not {keep!r}")
+        index = self._attachable(frame, to)
+        held = self.attachments_in(state)
+        target = self.topology.index(to) if isinstance(to, str) else to
+        if not np.issubdtype(jnp.result_type(target), np.integer):
+            raise ShapeError(f"attach {frame!r} to a frame's name or to frame indices (integers), found {target!r}")
+        known = not isinstance(target, jax.Array) or is_concrete(target)
+        if known:
+            check_target(self.topology, held, index, np.asarray(target))
+        return queries.attach(self, state, index, jnp.asarray(target, jnp.int32), keep)
+
+    def detach(self, state: State, frame: str, *, keep: str = "world") -> State:
+        """Return a state in which an attachable frame hangs on the root (arguments and errors as for ``attach``)."""
+        return self.attach(state, frame, self.root, keep=keep)
+
+    def attachments_valid(self, state: State) -> jax.Array:
+        """Return where all attachable frames hang, link by link, on the root: bool [...], also under jit."""
+        if not self.topology.attachables:
+            return jnp.ones((), bool)
+        return queries.attachments_valid(self, state)
+
+    def _attachable(self, frame: str, to: Any) -> int:
+        index = self.topology.index(frame)
+        if index not in self.topology.attachables:
+            what = "is the root" if index == 0 else f"is {self.edge_of(index).describe()} on {self.parent(frame)!r}"
+            loose = ", ".join(repr(self.names[i]) for i in self.topology.attachables) or "none"
+            raise EdgeError(
+                f"cannot attach {frame!r} to {to!r}: {frame!r} {what}, so it stays there; attachable frames: {loose}. "
+                f"Use jf.edges.Attachable()"
+            )
+        return index

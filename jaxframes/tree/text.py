@@ -51,7 +51,7 @@ def _line(tree: Any, frame: int, options: DumpOptions, state: State | None, wron
     text = f"{frame}: {name}" if options.id else name
     facts = []
     if frame:
-        edge = tree._edge(frame)
+        edge = tree.edge_of(frame)
         if options.type:
             facts.append(type(edge).__name__)
         if options.edge_type:

@@ -86,7 +86,7 @@ def test_a_round_trip_through_text_loses_nothing(name, dtype):
 def test_json_include_and_rebuild_keep_a_robot(name):
     tree = load(name)
     assert jf.from_json(jf.to_json(tree)).topology == tree.topology
-    assert tree.rebuild().build().topology == tree.topology
+    assert jf.TreeBuilder.from_tree(tree).build().topology == tree.topology
     b = jf.TreeBuilder(root="site")
     b.include(tree, parent="site", prefix="left/")
     b.include(tree, parent="site", prefix="right/")

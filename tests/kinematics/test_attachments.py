@@ -279,7 +279,7 @@ def test_queries_agree_with_the_equivalent_static_tree(dtype, tol):
     tree = arm_scene()
     state = tree.state(q=[0.4, -0.8], qd=[0.5, 0.2], qdd=[-0.3, 0.9])
     gripped = jax.jit(lambda s: tree.attach(s, "box", "hand", keep="world"))(state)
-    static = tree.reattached("box", "hand", state, keep="world")
+    static = tree.reattached(state, "box", "hand", keep="world")
     still = static.state(q=state.q, qd=state.qd, qdd=state.qdd)
 
     def ask(tree, state):
@@ -442,3 +442,31 @@ def test_near_candidates_keep_their_precision_far_from_the_root(dtype):
     state = tree.set_motion(tree.state(q=[3.0]), "craft", jf.Transform.from_translation((1.5e11, 0.0, 0.0)))
     held = tree.attach(state, "load", "arm")
     assert float(tree.transform(held, of="load", relative_to="bay").translation[0]) == 3.0
+
+
+def test_moving_a_frame_looks_at_what_hangs_on_it_in_this_state(tol):
+    """Whether an observer moves along is a question to the state: what it was declared on says nothing."""
+    b = jf.TreeBuilder(root="world")
+    b.add("cart", parent="world", edge=jf.edges.Movable(jf.Transform.from_translation((1.0, 0.0, 0.0))))
+    b.add("shelf", parent="cart", edge=jf.edges.Fixed(jf.Transform.from_translation((0.0, 0.0, 0.5))))
+    b.add("cup", parent="shelf", edge=jf.edges.Attachable(jf.Transform.from_translation((0.0, 0.1, 0.0))))
+    b.add("spoon", parent="world", edge=jf.edges.Attachable(jf.Transform.from_translation((3.0, 0.0, 0.0))))
+    tree = b.build()
+    goal, state = jf.Transform.from_translation((0.0, 2.0, 0.0)), tree.state()
+    with pytest.raises(errors.TopologyError, match="which hangs on it"):
+        tree.move_to(state, "cart", goal, relative_to="cup")
+    away = tree.attach(state, "cup", "world", keep="world")
+    moved = tree.move_to(away, "cart", goal, relative_to="cup")
+    np.testing.assert_allclose(tree.transform(moved, of="cart", relative_to="cup").translation, goal.translation, atol=10 * tol)
+    aboard = tree.attach(state, "spoon", "cup")  # by way of another attachable frame
+    with pytest.raises(errors.TopologyError, match="which hangs on it"):
+        tree.move_to(aboard, "cart", goal, relative_to="spoon")
+
+    @jax.jit
+    def placed(parent):
+        held = tree.attach(away, "spoon", parent, keep="world")
+        return tree.move_to(held, "cart", goal, relative_to="spoon").prescribed.transform.translation
+
+    index = tree.topology.index
+    assert np.isnan(placed(index("shelf"))).all()
+    np.testing.assert_allclose(placed(index("cup"))[0], [3.0, 2.0, 0.0], atol=10 * tol)

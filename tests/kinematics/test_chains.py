@@ -100,10 +100,10 @@ def test_express_and_transport(rng, dtype, tol):
     tree, state = line(rng)
     vector = jnp.asarray(rng.normal(size=3), dtype)
     turn = tree.transform(state, of="f3", relative_to="f1")
-    np.testing.assert_allclose(tree.express(vector, state, from_="f3", to="f1"), turn.rotation.to_matrix() @ vector, atol=10 * tol)
+    np.testing.assert_allclose(tree.express(state, vector, of="f3", relative_to="f1"), turn.rotation.to_matrix() @ vector, atol=10 * tol)
     twist = jf.Twist(linear=vector, angular=2 * vector + 1)
     wrench = jf.Wrench(force=vector - 1, torque=vector * vector)
-    moved_twist, moved_wrench = (tree.transport(x, state, from_="f3", to="f1") for x in (twist, wrench))
+    moved_twist, moved_wrench = (tree.transport(state, x, of="f3", relative_to="f1") for x in (twist, wrench))
     np.testing.assert_allclose(moved_twist.dot(moved_wrench), twist.dot(wrench), rtol=20 * tol)
     np.testing.assert_allclose(moved_twist.angular, turn.rotation.to_matrix() @ twist.angular, atol=20 * tol)
 

@@ -219,7 +219,7 @@ def test_attitudes_in_listings_and_trees(tmp_path, rng, paths, cspice, dtype):
         assert spans == [(0.0, 100.0, "craft.bc"), (200.0, 300.0, "craft.bc")]
         assert "TESTCRAFT" in {row[1] for row in kernels.frames()}
         tree = kernels.tree(bodies=["EARTH"], frames=["TESTCRAFT"], start=origin, stop=origin + 300.0, ck="spice")
-        builder = tree.rebuild()
+        builder = jf.TreeBuilder.from_tree(tree)
         own = tree.parent("TESTCRAFT")
         assert builder.add_spice(kernels, body=-77) == own  # spacecraft have J2000 axes unless a frame is named
     assert tree.properties[own]["spice_body"] == -77

@@ -131,7 +131,7 @@ def test_frames_that_the_user_added_are_found(opened, moon, itrf93, tmp_path):
     tree = b.build()
     assert tree.parent("SUN") == "middle"
     assert tree.edge("SUN").info.relative_id == 399
-    copy = tree.rebuild()
+    copy = jf.TreeBuilder.from_tree(tree)
     assert copy.add_spice(opened, body="SUN", frame="J2000") == "SUN"
 
 

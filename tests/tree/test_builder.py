@@ -127,7 +127,7 @@ def test_properties_are_immutable_and_survive_include_and_rebuild():
     assert both.joint_names == ("left/arm", "left/grip", "right/arm", "right/grip")
     assert both.parent("left/world") == "site"
     assert both.path(of="left/camera", relative_to="left/world") == (("left/arm", 1), ("left/hand", 1), ("left/camera", 1))
-    again = both.rebuild().build()
+    again = jf.TreeBuilder.from_tree(both).build()
     assert again.topology == both.topology
 
 
@@ -153,3 +153,15 @@ def test_remove_takes_the_subtree_or_reparents_the_children():
     assert tree.parent("camera") == "arm"
     b.add("hand", parent="camera", edge=jf.edges.Revolute(), joint="grip")
     assert b.build().joint_names == ("arm", "grip")
+
+
+def test_an_edge_that_does_not_fit_says_why():
+    b = jf.TreeBuilder()
+    b.add("arm", parent="world", edge=jf.edges.Mimic("lead", jf.edges.Revolute(axis=(0, 0, 1))))
+    b.add("lead", parent="world", edge=jf.edges.Revolute(axis=(0, 0, 1)))
+    b.add("poly", parent="world", edge=jf.edges.Prescribed(accelerations=False))
+    tree = b.build()
+    with pytest.raises(errors.EdgeError, match="another family"):
+        tree.with_edge("lead", jf.edges.Prismatic(axis=(0, 0, 1)))
+    with pytest.raises(errors.EdgeError, match="its accelerations is True instead of False"):
+        tree.with_edge("poly", jf.edges.Prescribed())

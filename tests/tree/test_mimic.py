@@ -66,14 +66,14 @@ def test_names_inside_followers_get_the_prefix():
     alone = both.extract_state(state, "r/palm")
     np.testing.assert_array_equal(alone.q, state.q[3:])
     assert jf.from_json(jf.to_json(both)).topology == both.topology
-    assert both.rebuild().build().topology == both.topology
+    assert jf.TreeBuilder.from_tree(both).build().topology == both.topology
     assert "follows r/drive" in str(both)
 
 
 def test_moving_a_subtree_keeps_followers_and_the_order_of_coordinates(tol):
     tree = hand()
     state = tree.state(q=[0.1, 0.2, 0.3])
-    moved = tree.reattached("c", "a", state, keep="world")
+    moved = tree.reattached(state, "c", "a", keep="world")
     assert moved.joint_names == tree.joint_names
     for name in ("c", "e"):
         here, there = (t.transform(t.state(q=[0.1, 0.2, 0.3]), of=name, relative_to="palm").to_matrix() for t in (tree, moved))

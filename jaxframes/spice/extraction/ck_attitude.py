@@ -10,13 +10,14 @@ import numpy as np
 from jaxframes.errors import CoverageError, NoPathError
 from jaxframes.numerics import host_quaternions, host_two_part
 from jaxframes.spice import accuracy
-from jaxframes.spice.extraction import joining
 from jaxframes.spice.reading.ck_segments import KNOTS, CkSegment, Intervals, layered, read_intervals, segments_of
 from jaxframes.spice.reading.clocks import Clock, clock_of
 from jaxframes.spice.reading.segment_paths import Span, open_ends, uncovered
-from jaxframes.spice.reading.segments import HANDOVER
+from jaxframes.tables import index as cells
 from jaxframes.tables.attitude import MODES, AttitudeTable
+from jaxframes.tables.index import HANDOVER
 from jaxframes.tables.instants import exact_seconds, reference_day, span_text
+from jaxframes.tables.records import HostLeg
 
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
@@ -95,8 +96,8 @@ def attitude(
     last = max(_exact(t1, -1), bounds[1])
     reference = reference_day(bounds[0])
     starts, rows, gaps = _rows(intervals, t0, t1, reference, ck)
-    index, compares = joining.index(starts, last - reference)
-    leg = joining.HostLeg({"rows": rows, **index}, rows.shape[1] - 3, compares)
+    index, compares = cells.index(starts, last - reference)
+    leg = HostLeg({"rows": rows, **index}, rows.shape[1] - 3, compares)
     facts = {
         "method": f"knots of C-kernels, ck={ck!r}",
         "measured": accuracy.knots(kernels, of["name"], base["name"], leg, ck, reference, bounds) + measured,

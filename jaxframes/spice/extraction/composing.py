@@ -8,7 +8,8 @@ import numpy as np
 
 from jaxframes.numerics import host_two_part
 from jaxframes.numerics.host_two_part import Pair
-from jaxframes.spice.extraction.joining import METRES, HostLeg, index
+from jaxframes.tables.index import index
+from jaxframes.tables.records import METRES, HostLeg
 
 CLOSE = Fraction(1, 10**6)
 """Edges nearer to each other than this, in seconds, are one: records are good a little beyond their ends."""

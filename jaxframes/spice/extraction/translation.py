@@ -16,6 +16,7 @@ from jaxframes.tables.base import TranslationTable
 from jaxframes.tables.info import EXTRACTION
 from jaxframes.tables.instants import Instant, reference_day
 from jaxframes.tables.naif_ids import labelled
+from jaxframes.tables.records import HostLeg, in_metres
 
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
@@ -41,7 +42,7 @@ class Request:
 class Extracted:
     """Legs in km with the pieces of segments and the notes that belong to them."""
 
-    legs: list[joining.HostLeg]
+    legs: list[HostLeg]
     pieces: list[Piece]
     notes: tuple[str, ...]
 
@@ -67,7 +68,7 @@ def translation(kernels: "Kernels", request: Request) -> TranslationTable:
         legs = [composing.composed(found.legs, *(x - reference for x in bounds))]
         facts["method"] = f"{EXTRACTION}, {len(found.legs)} legs composed in double-double"
     else:
-        legs = [joining.in_metres(leg) for leg in joining.combine(found.legs)]
+        legs = [in_metres(leg) for leg in joining.combine(found.legs)]
     facts["measured"] = accuracy.positions(kernels, of, relative, axes, legs, reference, bounds)
     return kernels._table(TranslationTable, "translation", names, bounds, legs, found.pieces, facts)
 
@@ -79,7 +80,7 @@ def extracted(kernels: "Kernels", of: int, relative: int, axes: str, bounds: tup
         NoPathError: If the bodies are not connected, or a segment is not made of polynomials.
         CoverageError: If the kernels do not cover the span.
     """
-    legs, pieces, apart = list[joining.HostLeg](), list[Piece](), list[float]()
+    legs, pieces, apart = list[HostLeg](), list[Piece](), list[float]()
     for sign, own in translation_legs(of, relative, kernels._segments, *bounds, kernels._name):
         parts = [(piece, kernels._rotation(piece.segment, axes)) for piece in own]
         leg, said = kernels._join(parts, sign, bounds[0])

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from jaxframes.spice.extraction.joining import cells_of
+from jaxframes.tables.index import cells_of
 
 DEGREES = tuple(range(7, 18))
 INDEPENDENT = 2000  # random epochs of the final check, beside some in every record

@@ -9,7 +9,6 @@ import numpy as np
 
 from jaxframes.errors import CoverageError
 from jaxframes.numerics import host_quaternions
-from jaxframes.spice.extraction import joining
 from jaxframes.spice.extraction.ck_attitude import GRACE
 from jaxframes.spice.fitting.candidates import DEGREES, Choice, Part
 from jaxframes.spice.fitting.translation import made, served
@@ -21,9 +20,11 @@ from jaxframes.spice.reading.frame_chain import PCK, anchored
 from jaxframes.spice.reading.process import CspiceError
 from jaxframes.spice.reading.segments import Segment, late_instants
 from jaxframes.staging.arrays import default_float
+from jaxframes.tables import index as cells
 from jaxframes.tables.attitude import CayleyTable
 from jaxframes.tables.host_evaluate import cayley_rates
 from jaxframes.tables.instants import reference_day, span_text, two_parts
+from jaxframes.tables.records import HostLeg
 
 if TYPE_CHECKING:
     from jaxframes.spice.extraction.orientation import Request
@@ -138,7 +139,7 @@ def orientation(kernels: "Kernels", request: "Request") -> CayleyTable:
     return kernels._table(CayleyTable, "cayley", names, bounds, [leg], files, facts, spins=spun)
 
 
-def _leg(found: Choice, reference: int, late: set[Fraction]) -> tuple[joining.HostLeg, np.ndarray]:
+def _leg(found: Choice, reference: int, late: set[Fraction]) -> tuple[HostLeg, np.ndarray]:
     """Return the leg and the reference spins [n, 8]; a gap is a row whose length is NaN."""
     fitted, n = found.fitted, len(found.spans)
     rate = np.linalg.norm(fitted["spin"], axis=1)
@@ -151,7 +152,7 @@ def _leg(found: Choice, reference: int, late: set[Fraction]) -> tuple[joining.Ho
     rows = np.concatenate([series, hi[:, None], lo[:, None], fitted["radius"][:, None]], 1)
     if found.grid is not None:
         origin, step = found.grid
-        return joining.HostLeg({"rows": rows, "grid": np.array([*two_parts(origin - reference), float(step)])}, 3, 0), spins
+        return HostLeg({"rows": rows, "grid": np.array([*two_parts(origin - reference), float(step)])}, 3, 0), spins
     starts, row_parts, spin_parts, at = [], [], [], 0
     nothing, still = np.zeros((1, rows.shape[1])), np.array([[1.0, 0, 0, 0, 1.0, 0, 0, 0]])
     nothing[0, -1] = np.nan
@@ -166,8 +167,8 @@ def _leg(found: Choice, reference: int, late: set[Fraction]) -> tuple[joining.Ho
                 row_parts.append(nothing)
                 spin_parts.append(still)
             at = i
-    index, compares = joining.index(starts, found.spans[-1][1] - reference)
-    return joining.HostLeg({"rows": np.concatenate(row_parts), **index}, 3, compares), np.concatenate(spin_parts)
+    index, compares = cells.index(starts, found.spans[-1][1] - reference)
+    return HostLeg({"rows": np.concatenate(row_parts), **index}, 3, compares), np.concatenate(spin_parts)
 
 
 def _own(kernels: "Kernels", of: dict[str, Any]) -> list[Segment]:

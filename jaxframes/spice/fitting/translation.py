@@ -8,16 +8,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jaxframes.errors import BadKernelError, CoverageError, FrameError, NoPathError, suggest
-from jaxframes.spice.extraction import joining
 from jaxframes.spice.extraction.node_segments import POLYNOMIAL, node_grid
 from jaxframes.spice.fitting.candidates import Choice, Part, table_bytes
 from jaxframes.spice.fitting.translation_model import StateModel, chosen
 from jaxframes.spice.options import Goal, Tolerance
 from jaxframes.spice.reading.process import CspiceError
 from jaxframes.spice.reading.segment_paths import Walk, translation_legs
-from jaxframes.spice.reading.segments import HANDOVER, Piece, Segment, late_instants
+from jaxframes.spice.reading.segments import Piece, Segment, late_instants
+from jaxframes.tables import index as cells
 from jaxframes.tables.base import TranslationTable
+from jaxframes.tables.index import HANDOVER
 from jaxframes.tables.instants import reference_day, span_text, two_parts
+from jaxframes.tables.records import HostLeg, in_metres
 from jaxframes.tables.report import record_jumps
 
 if TYPE_CHECKING:
@@ -97,7 +99,7 @@ def made(goal: Goal, found: Choice, extras: int) -> str:
     return f"asked for {goal.asked()}; {records}, checked at independent epochs"
 
 
-def host_leg(found: Choice, coefficients: np.ndarray, reference: int, late: set[Fraction]) -> joining.HostLeg:
+def host_leg(found: Choice, coefficients: np.ndarray, reference: int, late: set[Fraction]) -> HostLeg:
     """Return the leg of chosen records; a uniform grid where there is one. Records that start at late instants serve from after these."""
     n = len(found.spans)
     hi = found.fitted["middle"] - reference
@@ -106,9 +108,9 @@ def host_leg(found: Choice, coefficients: np.ndarray, reference: int, late: set[
     rows = np.concatenate([coefficients.reshape(n, -1), hi[:, None], lo[:, None], found.fitted["radius"][:, None]], 1)
     if found.grid is not None:
         origin, step = found.grid
-        return joining.HostLeg({"rows": rows, "grid": np.array([*two_parts(origin - reference), float(step)])}, 3, 0)
-    index, compares = joining.index([served(a, late) - reference for a, _ in found.spans], found.spans[-1][1] - reference)
-    return joining.HostLeg({"rows": rows, **index}, 3, compares)
+        return HostLeg({"rows": rows, "grid": np.array([*two_parts(origin - reference), float(step)])}, 3, 0)
+    index, compares = cells.index([served(a, late) - reference for a, _ in found.spans], found.spans[-1][1] - reference)
+    return HostLeg({"rows": rows, **index}, 3, compares)
 
 
 def served(start: Fraction, late: set[Fraction]) -> Fraction:
@@ -194,13 +196,13 @@ def acceleration(model: StateModel, found: Choice, bounds: tuple[Fraction, Fract
     )
 
 
-def jumps(legs: list[joining.HostLeg]) -> dict[str, float]:
+def jumps(legs: list[HostLeg]) -> dict[str, float]:
     """Return the largest jumps at the edges of the kernel's own records, SI units, by what they are."""
     from jaxframes.tables.records import Leg
 
     found = np.zeros(3)
     for leg in legs:
-        rows = joining.in_metres(leg).arrays["rows"]
+        rows = in_metres(leg).arrays["rows"]
         if len(rows) > MOST_JUMPS:
             return {}
         own: Any = Leg(rows, leg.arrays["grid"], None, None, leg.series, leg.compares)  # pyright: ignore[reportArgumentType]

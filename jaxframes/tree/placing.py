@@ -2,15 +2,15 @@
 
 import contextlib
 import itertools
-from collections.abc import Collection
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterator, Mapping
 from fractions import Fraction
-from typing import Protocol
+from typing import Any, Protocol
 
 from jaxframes.edges.base import Edge
 from jaxframes.errors import CoverageError, DuplicateNameError, NoPathError, UnknownBodyError
 from jaxframes.tables.instants import span_text
 from jaxframes.tables.naif_ids import INERTIAL, J2000, labelled
-from jaxframes.tree.builder import TreeBuilder
 
 DEFAULT_FRAME = 999999
 """Asks for the default frame of a body, as None does; as a number or as text."""
@@ -54,7 +54,41 @@ class Source(Protocol):
         ...
 
 
-def place(builder: TreeBuilder, source: Source, body: str | int, frame: str | int | None) -> str:
+class OffersEdges(ABC):
+    """What frames can be placed from, such as open kernels."""
+
+    @abstractmethod
+    def edge_source(self, **options: Any) -> Source:
+        """Return the source of edges with the options that a user gives."""
+
+
+class Builder(Protocol):
+    """What frames are placed in: ``TreeBuilder``."""
+
+    @property
+    def root(self) -> str:
+        """Name of the root frame."""
+        ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Frame names in order of declaration, the root first."""
+        ...
+
+    def frames(self) -> Iterator[tuple[str, str | None, Edge | None, Mapping[str, Any]]]:
+        """Return (name, parent, edge, properties) of each frame."""
+        ...
+
+    def add(self, name: str, *, parent: str, edge: Edge, properties: Mapping[str, Any] | None = None) -> None:
+        """Add a frame below an existing one."""
+        ...
+
+    def remove(self, name: str) -> None:
+        """Remove a frame, and what hangs on it."""
+        ...
+
+
+def place(builder: Builder, source: Source, body: str | int, frame: str | int | None) -> str:
     """Return the name of the frame for a body and a SPICE frame in a builder, added if it is not there.
 
     A frame with turning axes hangs on the inertial frame (J2000) of its body, or on the frame that it is fixed to; an inertial frame
@@ -72,7 +106,7 @@ def place(builder: TreeBuilder, source: Source, body: str | int, frame: str | in
         raise
 
 
-def _place(builder: TreeBuilder, source: Source, body: tuple[int, str], frame: tuple[int, str]) -> str:
+def _place(builder: Builder, source: Source, body: tuple[int, str], frame: tuple[int, str]) -> str:
     known = {key: name for name, key in reversed(identities(builder, source).items())}
     key = body[0], frame[0]
     if key in known:
@@ -86,7 +120,7 @@ def _place(builder: TreeBuilder, source: Source, body: tuple[int, str], frame: t
     return _add(builder, wanted, parent, source.orientation(frame, base), body, frame)
 
 
-def _check_span(builder: TreeBuilder, source: Source, name: str) -> None:
+def _check_span(builder: Builder, source: Source, name: str) -> None:
     """Raise CoverageError if tables that a known frame hangs on do not cover the span asked for."""
     held = {frame: (parent, edge) for frame, parent, edge, _ in builder.frames()}
     at: str | None = name
@@ -104,7 +138,7 @@ def _check_span(builder: TreeBuilder, source: Source, name: str) -> None:
         at = parent
 
 
-def _place_inertial(builder: TreeBuilder, source: Source, body: tuple[int, str], known: dict[Key, str]) -> str:
+def _place_inertial(builder: Builder, source: Source, body: tuple[int, str], known: dict[Key, str]) -> str:
     """Add the J2000 frame of a body."""
     turned = next((name for (at, axes), name in known.items() if at == body[0] and 1 < axes <= len(INERTIAL)), None)
     if turned is not None:
@@ -129,7 +163,7 @@ def _place_inertial(builder: TreeBuilder, source: Source, body: tuple[int, str],
     return parent
 
 
-def _add(builder: TreeBuilder, wanted: str, parent: str, edge: Edge, body: tuple[int, str], frame: tuple[int, str]) -> str:
+def _add(builder: Builder, wanted: str, parent: str, edge: Edge, body: tuple[int, str], frame: tuple[int, str]) -> str:
     name = wanted if wanted not in builder.names else f"{wanted} ({body[0]}, {frame[0]})"
     if name in builder.names:
         raise DuplicateNameError(f"frames {wanted!r} and {name!r} exist already and are not {frame[1]} of {body[1]}; rename one of them")
@@ -138,7 +172,7 @@ def _add(builder: TreeBuilder, wanted: str, parent: str, edge: Edge, body: tuple
     return name
 
 
-def identities(builder: TreeBuilder, source: Source) -> dict[str, Key]:
+def identities(builder: Builder, source: Source) -> dict[str, Key]:
     """Return the (body id, frame id) of the frames of a builder that have one.
 
     They say so themselves (properties ``spice_body`` and ``spice_frame``), or tables tell: a table of the Moon from the Earth in J2000

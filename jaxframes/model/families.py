@@ -1,0 +1,98 @@
+"""Families: edges that are alike, so that queries over many frames read their numbers as stacked arrays."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxframes.edges.base import Edge
+from jaxframes.staging.arrays import as_float, default_float, is_concrete, widest
+
+
+def families(edges: Sequence[Edge]) -> tuple[tuple[Any, ...], tuple[bool, ...], tuple[tuple[int, int], ...]]:
+    """Sort edges into families: of equal structure, or of one kind.
+
+    Returns:
+        How an edge of each family is put together (a pytree definition; that of the first where its edges do not stack), whether the
+        family is stacked, and (family, row) of each edge.
+    """
+    found: dict[Any, int] = {}
+    counts: list[int] = []
+    definitions: list[Any] = []
+    stacked: list[bool] = []
+    locations: list[tuple[int, int]] = []
+    known: dict[int, Any] = {}
+    for position, edge in enumerate(edges):
+        if id(edge) not in known:
+            leaves, definition = jax.tree.flatten(edge.bare())
+            key = (definition, tuple((np.shape(leaf)[-1:], leaf.dtype.name) for leaf in leaves))
+            kind = None if edge.stacks else edge.kind()
+            known[id(edge)] = definition, key if edge.stacks else position if kind is None else kind
+        definition, key = known[id(edge)]
+        if key not in found:
+            found[key] = len(definitions)
+            definitions.append(definition)
+            stacked.append(edge.stacks)
+            counts.append(0)
+        family = found[key]
+        locations.append((family, counts[family]))
+        counts[family] += 1
+    return tuple(definitions), tuple(stacked), tuple(locations)
+
+
+def strengthened(edge: Edge) -> Edge:
+    """Return an edge whose leaves are JAX arrays: floats with a strong dtype, integers as they are."""
+    if all(isinstance(leaf, jax.Array) and not leaf.weak_type for leaf in jax.tree.leaves(edge)):
+        return edge
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf) if jnp.issubdtype(jnp.result_type(leaf), jnp.integer) else as_float(leaf), edge)
+
+
+def stack(edges: Sequence[Edge]) -> tuple[Any, ...]:
+    """Return the leaves of edges of one family stacked, [..., n_edges, k]: NumPy arrays where all numbers are known."""
+    rows = [jax.tree.leaves(edge) for edge in edges]
+    return tuple(_stack(column) for column in zip(*rows, strict=True))
+
+
+def _stack(column: tuple[Any, ...]) -> Any:
+    known = all(map(is_concrete, column))
+    if len({leaf.shape for leaf in column}) > 1:
+        column = tuple(np.broadcast_arrays(*map(np.asarray, column)) if known else jnp.broadcast_arrays(*column))
+    if known:
+        return np.stack([np.asarray(leaf) for leaf in column], axis=-2)
+    return jnp.stack(column, axis=-2)
+
+
+def like(new: Edge, old: Edge) -> Edge | None:
+    """Return an edge that may stand in the place of another, with its dtypes; None if it is of another family or its numbers do not fit."""
+    raw, definition = jax.tree.flatten(strengthened(new))
+    kept = jax.tree.leaves(old)
+    if jax.tree.structure(new.bare()) != jax.tree.structure(old.bare()) or [np.shape(a)[-1:] for a in raw] != [
+        np.shape(b)[-1:] for b in kept
+    ]:
+        return None
+    return jax.tree.unflatten(definition, [a.astype(b.dtype) for a, b in zip(raw, kept, strict=True)])
+
+
+def differs(new: Edge, old: Edge) -> str:
+    """Return text that says why an edge may not stand in the place of another."""
+    if type(new) is not type(old):
+        return "it is of another family; build another tree"
+    ours, theirs = new.bare(), old.bare()
+    for name in (f.name for f in dataclasses.fields(ours) if f.name not in ours.parameter_fields()):  # pyright: ignore[reportArgumentType]
+        a, b = getattr(ours, name), getattr(theirs, name)
+        if a != b:
+            return f"its {name} is {a!r} instead of {b!r}, and programs are compiled for that; build another tree"
+    paths = [jax.tree_util.keystr(path, simple=True, separator=".") for path, _ in jax.tree_util.tree_flatten_with_path(new)[0]]
+    for path, a, b in zip(paths, jax.tree.leaves(new), jax.tree.leaves(old), strict=False):
+        if np.shape(a)[-1:] != np.shape(b)[-1:]:
+            return f"its {path} has shape {np.shape(a)} instead of [..., {', '.join(map(str, np.shape(b)[-1:]))}]; build another tree"
+    return "its parts differ; build another tree"
+
+
+def float_dtype(leaves: Any) -> Any:
+    """Return the promoted float dtype of a pytree's leaves, or JAX's default where there is none."""
+    dtypes = {leaf.dtype for leaf in jax.tree.leaves(leaves) if jnp.issubdtype(leaf.dtype, jnp.floating)}
+    return widest(*dtypes) if dtypes else default_float()
