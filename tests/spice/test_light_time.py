@@ -68,7 +68,7 @@ SITE = np.array([-2353621.0, -4641341.0, 3677052.0])
 
 @pytest.fixture(scope="module")
 def with_station(kernels):
-    b = kernels.tree(bodies=[MARS, MOON], frames="ITRF93", start="2026-01-01", stop="2027-01-01").rebuild()
+    b = jf.TreeBuilder.from_tree(kernels.tree(bodies=[MARS, MOON], frames="ITRF93", start="2026-01-01", stop="2027-01-01"))
     b.add("station", parent="ITRF93", edge=jf.edges.Fixed(jf.Transform.from_translation(SITE)))
     return b.build()
 
