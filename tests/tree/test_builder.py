@@ -159,7 +159,7 @@ def test_an_edge_that_does_not_fit_says_why():
     b = jf.TreeBuilder()
     b.add("arm", parent="world", edge=jf.edges.Mimic("lead", jf.edges.Revolute(axis=(0, 0, 1))))
     b.add("lead", parent="world", edge=jf.edges.Revolute(axis=(0, 0, 1)))
-    b.add("poly", parent="world", edge=jf.edges.Prescribed(accelerations=False))
+    b.add("poly", parent="world", edge=jf.edges.Prescribed(supports_accelerations=False))
     tree = b.build()
     with pytest.raises(errors.EdgeError, match="another family"):
         tree.with_edge("lead", jf.edges.Prismatic(axis=(0, 0, 1)))
