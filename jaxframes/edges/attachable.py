@@ -35,14 +35,6 @@ class Attachable(Edge):
         object.__setattr__(self, "pose", checked_pose(pose, "Attachable"))
         object.__setattr__(self, "candidates", None if candidates is None else tuple(candidates))
 
-    @property
-    def dof(self) -> int:
-        return 6
-
-    @property
-    def state_size(self) -> int:
-        return 7
-
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         raise AssertionError("the motion of an attachable edge is held by the state")
 

@@ -72,12 +72,12 @@ class Edge:
     @property
     def dof(self) -> int:
         """Mobility: in how many independent directions the child can move against its parent."""
-        return self.nv
+        return 6 if self.is_prescribed or self.is_attachable else self.nv
 
     @property
     def state_size(self) -> int:
         """How many numbers of a state say where the child is: coordinates, or the seven of a stored pose."""
-        return self.nq
+        return 7 if self.is_prescribed or self.is_attachable else self.nq
 
     @property
     def follows(self) -> str | None:

@@ -67,14 +67,6 @@ class Prescribed(Edge):
         object.__setattr__(self, "accelerations", supports_accelerations)
 
     @property
-    def dof(self) -> int:
-        return 6
-
-    @property
-    def state_size(self) -> int:
-        return 7
-
-    @property
     def supports_accelerations(self) -> bool:
         return self.accelerations
 

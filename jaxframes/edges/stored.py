@@ -89,14 +89,6 @@ class Movable(Edge):
     def __init__(self, pose: Transform | None = None):
         object.__setattr__(self, "pose", Transform.identity() if pose is None else pose)
 
-    @property
-    def dof(self) -> int:
-        return 6
-
-    @property
-    def state_size(self) -> int:
-        return 7
-
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         assert inputs.prescribed is not None
         return (inputs.prescribed,)
