@@ -154,7 +154,7 @@ class TreeBuilder:
         named after (``"SSB"``) in J2000.
 
         Args:
-            source: Open ``jf.spice.Kernels``, or tables: a mapping as ``jf.spice.load`` returns, or a sequence.
+            source: Open ``jf.spice.Kernels``, or tables: one, a sequence, or a mapping as ``jf.spice.load`` returns.
             body: Body by name or NAIF id.
             frame: Frame by name or NAIF id. None or 999999 (also as text): the body-fixed frame if SPICE knows one for the body, J2000 for
                 barycentres (ids 0 to 9) and spacecraft; among tables, the one frame that is oriented at the body. The resolved ids
@@ -166,11 +166,12 @@ class TreeBuilder:
         """
         if isinstance(source, OffersEdges):
             return place(self, source.edge_source(**options), body, frame)
-        if not isinstance(source, (Mapping, Sequence)) or isinstance(source, str):
+        tables = [source] if isinstance(source, Edge) else source
+        if not isinstance(tables, (Mapping, Sequence)) or isinstance(tables, str) or not tables:
             raise EdgeError(f"add_spice takes jf.spice.Kernels or tables made by them, found {type(source).__name__}: {source!r}")
         if options:
             raise EdgeError(f"add_spice(..., {next(iter(options))}=) is for kernels; tables are taken as they are, cut with jf.spice.crop")
-        return place(self, TableSource(source), body, frame)
+        return place(self, TableSource(tables), body, frame)
 
     def frames(self) -> Iterator[tuple[str, str | None, Edge | None, Mapping[str, Any]]]:
         """Return (name, parent, edge, properties) of each frame in order of declaration; the root has neither parent nor edge."""

@@ -40,6 +40,18 @@ def test_shipped_tables_say_what_they_belong_to_and_how_good_they_are():
         assert len(table.info.measured) == 3
 
 
+def test_tables_may_come_alone_and_take_no_options():
+    table = jf.spice.example_tables()["emb"]
+    builder = jf.TreeBuilder(root="SSB")
+    name = builder.add_spice(table, body="EARTH BARYCENTER")
+    assert builder.build().edge(name).info == table.info
+    assert builder.add_spice([table], body=3) == name
+    with pytest.raises(errors.EdgeError, match="found list"):
+        builder.add_spice([], body=3)
+    with pytest.raises(errors.EdgeError, match=r"start=\) is for kernels"):
+        builder.add_spice([table], body=3, start="2026-01-01")
+
+
 @pytest.fixture(scope="module")
 def links(kernels):
     """Tables that make two ways from the Moon: by the Earth, which leads nowhere, and by the barycentre."""
