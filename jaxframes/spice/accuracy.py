@@ -1,15 +1,12 @@
 """Tables that are not fitted against CSPICE, while they are made: the worst differences at some hundred epochs, for the report."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jaxframes.errors import TableError
 from jaxframes.numerics import host_quaternions
-from jaxframes.spice.kernels import Kernels
 from jaxframes.spice.reading.process import CspiceError
 from jaxframes.tables import host_evaluate
 from jaxframes.tables.records import METRES, HostLeg
@@ -54,7 +51,7 @@ def positions(
         slope = _slopes(middle, half, bounds, lambda t: table(t)[2], lambda t: cspice(t)[1])
     except CspiceError:  # of this table CSPICE itself says nothing: a leap-seconds kernel is missing, say
         return ()
-    found = [("position error, m", _largest(position - there)), ("velocity error, m/s", _largest(velocity - speed))]
+    found = [("position error, m", largest(position - there)), ("velocity error, m/s", largest(velocity - speed))]
     return (*found, *((f"acceleration error, m/s2 (differences of CSPICE's velocities, {h:.3g} s)", x) for x, h in slope))
 
 
@@ -172,88 +169,6 @@ def differences(rates: Callable[[np.ndarray], np.ndarray], times: np.ndarray, h:
     return (v[0] - 8 * v[1] + 8 * v[2] - v[3]) / (12 * h[:, None])
 
 
-def _largest(vectors: np.ndarray) -> float:
+def largest(vectors: np.ndarray) -> float:
+    """Return the greatest length of vectors [n, 3]."""
     return float(np.linalg.norm(vectors, axis=1).max())
-
-
-STEP = 512.0  # seconds, for models without records
-
-
-@dataclass(frozen=True)
-class Differences:
-    """The largest differences between a table and CSPICE.
-
-    Attributes:
-        value: Distance in m, or angle of the rotation between the two in rad.
-        rate: Difference of velocities in m/s, or of angular velocities in rad/s.
-        largest_value: Largest distance from the centre met, m; pi for orientations.
-        largest_rate: Largest speed met, m/s or rad/s.
-        acceleration: Difference of the table's accelerations from differences of CSPICE's rates over ``step``, m/s2 or rad/s2; NaN where
-            the coverage leaves no room for these.
-        largest_acceleration: Largest acceleration of the table met there.
-        step: Seconds between the rates that were subtracted: a 32nd of half a record, as a power of two.
-    """
-
-    value: float
-    rate: float
-    largest_value: float
-    largest_rate: float
-    acceleration: float = np.nan
-    largest_acceleration: float = np.nan
-    step: float = np.nan
-
-
-def compare(kernels: Kernels, table: Any, times: Any) -> Differences:
-    """Return the worst differences of a table from what CSPICE computes from kernels.
-
-    Args:
-        kernels: The kernels that the table was made of, open.
-        table: The table, or the model of a text PCK.
-        times: ET seconds within its coverage, [n]. Give whole seconds: both sides then mean the same instant, to the last bit.
-
-    Raises:
-        TableError: If it is no table, or there are no epochs.
-        SpiceError: If CSPICE has no answer for one of the epochs.
-    """
-    if not hasattr(table, "info") or not hasattr(table, "evaluate"):
-        raise TableError(f"{table!r} is no table to be compared.")
-    info, seconds = table.info, np.asarray(times, np.float64).reshape(-1)
-    if not len(seconds):
-        raise TableError(f"{table.describe()}: there are no epochs to compare at.")
-    value, rate, acceleration = (np.asarray(x, np.float64) for x in table.evaluate(seconds))
-
-    def cspice(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        if info.kind == "translation":
-            return kernels.states(target=info.of_id, center=info.relative_id, frame=info.axes, times=at, correction=info.correction)
-        return kernels.turns(frame=info.of, relative_to=info.relative_to, times=at)
-
-    there, speed = cspice(seconds)
-    if info.kind == "translation":
-        apart, size = _largest(there - value), _largest(there)
-    else:
-        between = host_quaternions.vector_of(
-            host_quaternions.multiply(value, host_quaternions.conjugate(host_quaternions.from_matrices(there)))
-        )
-        apart, size = _largest(between), float(np.pi)
-    h = _step(table)
-    room = _room(table, seconds, h)
-    slopes = (np.nan, np.nan, h)
-    if room.any():
-        reference = differences(lambda at: cspice(at)[1], seconds[room], np.full(int(room.sum()), h))
-        slopes = (_largest(acceleration[room] - reference), _largest(acceleration[room]), h)
-    return Differences(apart, _largest(speed - rate), size, _largest(speed), *slopes)
-
-
-def _step(table: Any) -> float:
-    """Return the step for differences of rates."""
-    legs = getattr(table, "legs", ())
-    halves = [np.asarray(leg.rows[:, -1], float) / (1 if leg.series in (3, 6) else 2) for leg in legs]
-    shortest = min((float(np.nanmedian(half)) for half in halves), default=STEP * 32)
-    return float(2.0 ** np.floor(np.log2(max(shortest / 32, 1e-3))))
-
-
-def _room(table: Any, times: np.ndarray, step: float) -> np.ndarray:
-    """Return around which epochs the table covers all that differences over a step are taken of."""
-    if not hasattr(table, "legs"):
-        return np.ones(len(times), bool)
-    return np.all([np.asarray(table.coverage_code(times + k * step)) == 0 for k in STENCIL], 0)
