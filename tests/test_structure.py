@@ -36,18 +36,26 @@ def layer_of(parts):
 
 
 def imported(path):
-    """Every module of the package that a file imports, wherever in the file, as parts below ``jaxframes``."""
+    """Every file or folder of the package that a file imports, wherever in the file, as parts below ``jaxframes``.
+
+    Of ``from folder import name`` the file of that name where there is one.
+    """
     for node in ast.walk(ast.parse(path.read_text())):
         names = []
         if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
+            names = [tuple(alias.name.split(".")) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{name_of(path)}:{node.lineno}: relative import"
-            base = node.module or ""
-            names = [f"jaxframes.{a.name}" for a in node.names] if base == "jaxframes" else [base]
+            base = tuple((node.module or "").split("."))
+            names = [(*base, alias.name) if is_module((*base, alias.name)[1:]) else base for alias in node.names]
         for name in names:
-            if name.split(".")[0] == "jaxframes":
-                yield node.lineno, tuple(name.split(".")[1:])
+            if name[0] == "jaxframes":
+                yield node.lineno, name[1:]
+
+
+def is_module(parts):
+    place = PACKAGE.joinpath(*parts)
+    return place.with_suffix(".py").exists() or place.is_dir()
 
 
 @pytest.mark.parametrize("path", FILES, ids=name_of)
@@ -70,22 +78,11 @@ def test_no_files_import_each_other_in_circles():
     """Counting imports inside functions and under TYPE_CHECKING too."""
     files = {path.relative_to(PACKAGE).with_suffix("").parts: path for path in FILES}
     files = {parts[:-1] if parts[-1] == "__init__" else parts: path for parts, path in files.items() if parts[0] not in NOT_YET}
-    ahead = {parts: {target for _, target in targets(path) if target in files and target != parts} for parts, path in files.items()}
+    ahead = {parts: {target for _, target in imported(path) if target in files and target != parts} for parts, path in files.items()}
     while leaves := [parts for parts, needs in ahead.items() if not needs & ahead.keys()]:
         for parts in leaves:
             del ahead[parts]
     assert not ahead, sorted("/".join(parts) for parts in ahead)
-
-
-def targets(path):
-    """Every file of the package that a file imports: of ``from folder import name``, the file or folder of that name where there is one."""
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "jaxframes":
-            base = tuple(node.module.split(".")[1:])
-            for alias in node.names:
-                own = (*base, alias.name)
-                place = PACKAGE.joinpath(*own)
-                yield node.lineno, own if place.with_suffix(".py").exists() or place.is_dir() else base
 
 
 @pytest.mark.parametrize("path", FILES, ids=name_of)

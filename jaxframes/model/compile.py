@@ -1,7 +1,7 @@
 """Compiling a tree: frames as they are declared become stacked parameters and a static topology."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +16,8 @@ from jaxframes.model.structure import Structure
 from jaxframes.model.topology import Topology
 
 LARGE = 65
-"""Trees of at least so many frames are handed to compiled queries with their numbers stacked by family."""
+"""Trees of at least so many frames are handed to compiled queries with their numbers stacked by family, and go by level with attachable
+frames too."""
 
 
 @dataclass
@@ -43,10 +44,6 @@ class Declared:
         rest = {name: edge for name, edge in zip(names, topology.edge_names, strict=True) if edge is not None and name not in ordered}
         parents = {name: names[parent] if parent >= 0 else None for name, parent in zip(names, topology.parents, strict=True)}
         return cls(parents, dict(tree.edges), {**ordered, **rest}, dict(topology.properties))
-
-    def copy(self) -> "Declared":
-        """Return frames that can be changed without changing these."""
-        return replace(self, **{name: dict(getattr(self, name)) for name in ("parents", "edges", "edge_names", "properties")})
 
     def part(self, names: Iterable[str]) -> "Declared":
         """Return some of the frames, in the order given; the first is the root of the part."""

@@ -37,9 +37,8 @@ def index(starts: Starts, stop: Fraction) -> tuple[dict[str, np.ndarray], int]:
     for length in (step, middle):  # the last record may be cut short
         width = [np.full(count, part) for part in two_parts(length)]
         line = host_two_part.multiply((np.arange(float(count)), np.zeros(count)), (width[0], width[1]))
-        off = host_two_part.add(host_two_part.add((high, low), (-line[0], -line[1])), (np.full(count, -high[0]), np.full(count, -low[0])))[
-            0
-        ]
+        apart = host_two_part.add((high, low), (-line[0], -line[1]))
+        off, _ = host_two_part.add(apart, (np.full(count, -high[0]), np.full(count, -low[0])))
         last = Fraction(high[-1]) + Fraction(low[-1])
         if np.abs(off).max() <= float(length) / 1e10 and stop <= last + length * 2:
             return {"grid": np.array([*two_parts(origin), float(length)])}, 0
