@@ -9,10 +9,10 @@ import numpy as np
 
 from jaxframes.errors import TableError
 from jaxframes.numerics import host_quaternions
-from jaxframes.spice.extraction.joining import METRES, HostLeg
 from jaxframes.spice.kernels import Kernels
 from jaxframes.spice.reading.process import CspiceError
 from jaxframes.tables import host_evaluate
+from jaxframes.tables.records import METRES, HostRecordTable
 
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
@@ -25,7 +25,13 @@ CENTURY = 36525 * 86400.0
 
 
 def positions(
-    kernels: "Kernels", of: int, relative: int, axes: str, legs: Sequence[HostLeg], reference: int, bounds: tuple[Fraction, Fraction]
+    kernels: "Kernels",
+    of: int,
+    relative: int,
+    axes: str,
+    record_tables: Sequence[HostRecordTable],
+    reference: int,
+    bounds: tuple[Fraction, Fraction],
 ) -> Measured:
     """Return the worst errors of a translation, SI units.
 
@@ -34,13 +40,13 @@ def positions(
         of: Id of the target.
         relative: Id of the center.
         axes: Name of the axes.
-        legs: Legs in metres.
+        record_tables: Record tables in metres.
         reference: Their reference, seconds past J2000 TDB.
         bounds: The span.
     """
 
     def table(times: np.ndarray) -> host_evaluate.Motion:
-        return host_evaluate.summed(legs, host_evaluate.since(times, reference))
+        return host_evaluate.summed(record_tables, host_evaluate.since(times, reference))
 
     def cspice(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         states = kernels._process.call("states", of, relative, axes, times, doing="computing states to check a table") * METRES
@@ -50,7 +56,7 @@ def positions(
         times = _epochs(bounds)
         position, velocity, _ = table(times)
         there, speed = cspice(times)
-        middle, half = _records(legs, reference, bounds)
+        middle, half = _records(record_tables, reference, bounds)
         slope = _slopes(middle, half, bounds, lambda t: table(t)[2], lambda t: cspice(t)[1])
     except CspiceError:  # of this table CSPICE itself says nothing: a leap-seconds kernel is missing, say
         return ()
@@ -96,19 +102,27 @@ def turns(
 
 
 def angles(
-    kernels: "Kernels", of: str, base: str, leg: HostLeg, placement: np.ndarray, reference: int, bounds: tuple[Fraction, Fraction]
+    kernels: "Kernels",
+    of: str,
+    base: str,
+    records: HostRecordTable,
+    placement: np.ndarray,
+    reference: int,
+    bounds: tuple[Fraction, Fraction],
 ) -> Measured:
     """Return the worst errors of three Euler angles; see ``turns``."""
 
     def table(times: np.ndarray) -> host_evaluate.Motion:
-        return host_evaluate.euler(host_evaluate.summed([leg], host_evaluate.since(times, reference)), placement)
+        return host_evaluate.euler(host_evaluate.summed([records], host_evaluate.since(times, reference)), placement)
 
-    return turns(kernels, of, base, table, _epochs(bounds), _records([leg], reference, bounds), bounds)
+    return turns(kernels, of, base, table, _epochs(bounds), _records([records], reference, bounds), bounds)
 
 
-def knots(kernels: "Kernels", of: str, base: str, leg: HostLeg, mode: str, reference: int, bounds: tuple[Fraction, Fraction]) -> Measured:
+def knots(
+    kernels: "Kernels", of: str, base: str, records: HostRecordTable, mode: str, reference: int, bounds: tuple[Fraction, Fraction]
+) -> Measured:
     """Return the worst errors of knots; see ``turns``."""
-    rows = leg.arrays["rows"]
+    rows = records.arrays["rows"]
     middle = rows[:, -3] + rows[:, -2] + rows[:, -1] / 2 + reference
     half = rows[:, -1] / 2
     real = np.isfinite(half) & (middle - half >= float(bounds[0])) & (middle + half <= float(bounds[1]))
@@ -119,7 +133,7 @@ def knots(kernels: "Kernels", of: str, base: str, leg: HostLeg, mode: str, refer
     picked = rng.choice(np.flatnonzero(real), SLOPES) if real.any() else np.zeros(0, int)
 
     def table(times: np.ndarray) -> host_evaluate.Motion:
-        return host_evaluate.knots(leg, host_evaluate.since(times, reference), mode)
+        return host_evaluate.knots(records, host_evaluate.since(times, reference), mode)
 
     return turns(kernels, of, base, table, times, (middle[picked], half[picked]), bounds)
 
@@ -139,9 +153,9 @@ def _epochs(bounds: tuple[Fraction, Fraction]) -> np.ndarray:
     return np.clip(np.concatenate([[low, high], np.random.default_rng(6).uniform(low, high, EPOCHS)]), low, high)
 
 
-def _records(legs: Sequence[HostLeg], reference: int, bounds: tuple[Fraction, Fraction]) -> tuple[np.ndarray, np.ndarray]:
-    """Return middles and half lengths of some records of the leg that has most of them."""
-    rows = max(legs, key=lambda leg: len(leg.arrays["rows"])).arrays["rows"]
+def _records(record_tables: Sequence[HostRecordTable], reference: int, bounds: tuple[Fraction, Fraction]) -> tuple[np.ndarray, np.ndarray]:
+    """Return middles and half lengths of some records of the record table that has most of them."""
+    rows = max(record_tables, key=lambda records: len(records.arrays["rows"])).arrays["rows"]
     middle = rows[:, -3] + reference
     inside = np.flatnonzero((middle > float(bounds[0])) & (middle < float(bounds[1])))
     chosen = np.random.default_rng(7).choice(inside, SLOPES) if len(inside) else inside
@@ -246,14 +260,14 @@ def compare(kernels: Kernels, table: Any, times: Any) -> Differences:
 
 def _step(table: Any) -> float:
     """Return the step for differences of rates."""
-    legs = getattr(table, "legs", ())
-    halves = [np.asarray(leg.rows[:, -1], float) / (1 if leg.series in (3, 6) else 2) for leg in legs]
+    record_tables = getattr(table, "record_tables", ())
+    halves = [np.asarray(records.rows[:, -1], float) / (1 if records.series in (3, 6) else 2) for records in record_tables]
     shortest = min((float(np.nanmedian(half)) for half in halves), default=STEP * 32)
     return float(2.0 ** np.floor(np.log2(max(shortest / 32, 1e-3))))
 
 
 def _room(table: Any, times: np.ndarray, step: float) -> np.ndarray:
     """Return around which epochs the table covers all that differences over a step are taken of."""
-    if not hasattr(table, "legs"):
+    if not hasattr(table, "record_tables"):
         return np.ones(len(times), bool)
     return np.all([np.asarray(table.coverage_code(times + k * step)) == 0 for k in STENCIL], 0)

@@ -13,9 +13,10 @@ from jaxframes.spice.reading.frame_chain import CK, INERTIAL, TK
 from jaxframes.spice.reading.segment_paths import Walk
 from jaxframes.tables.instants import Instant, exact_seconds
 from jaxframes.tables.naif_ids import J2000
+from jaxframes.tables.placing import EdgeSource
 
 
-class KernelSource:
+class KernelSource(EdgeSource):
     """Kernels as the source of edges over one span."""
 
     def __init__(
@@ -28,12 +29,12 @@ class KernelSource:
         self._tolerance, self._knots = checked_tolerance(tolerance), {"ck": ck, "bridge": checked_bridge(bridge)}
 
     def body(self, body: str | int) -> tuple[int, str]:
-        """See ``Source``."""
+        """See ``EdgeSource``."""
         number = self._kernels._body(body, "body")
         return number, self._kernels._name(number)
 
     def frame(self, body: int, frame: str | int | None) -> tuple[int, str]:
-        """See ``Source``."""
+        """See ``EdgeSource``."""
         axes = self._kernels._axes(str(self._default(body) if frame is None else frame))
         return axes["id"], axes["name"]
 
@@ -46,11 +47,11 @@ class KernelSource:
         return J2000 if found is None else found
 
     def centered(self, body: int, frame: int) -> bool:
-        """See ``Source``."""
+        """See ``EdgeSource``."""
         return self._kernels._axes(str(frame))["center"] == body
 
     def base(self, frame: int) -> tuple[int, str]:
-        """See ``Source``."""
+        """See ``EdgeSource``."""
         axes = self._kernels._axes(str(frame))
         base = J2000
         if axes["class"] == TK:
@@ -62,17 +63,17 @@ class KernelSource:
         return base, self._kernels._axes(str(base))["name"]
 
     def chain(self, body: int, there: Collection[int]) -> list[int]:
-        """See ``Source``."""
+        """See ``EdgeSource``."""
         start, stop = self._kernels._span(self._start, self._stop, "SPK", (body,))
         return Walk(body, self._kernels._segments, start, stop, self._kernels._name, meet=self._tolerance is not None).bodies
 
     def translation(self, target: int, center: int) -> Edge:
-        """See ``Source``. Exact where that is possible, else fitted if there is a tolerance."""
+        """See ``EdgeSource``. Exact where that is possible, else fitted if there is a tolerance."""
         make = functools.partial(self._kernels.translation, target=target, center=center, start=self._start, stop=self._stop)
         return self._exact_or_fitted(make, "translation")
 
     def orientation(self, frame: tuple[int, str], base: tuple[int, str]) -> Edge:
-        """See ``Source``. Exact where that is possible, else fitted if there is a tolerance: dynamic and switch frames always are."""
+        """See ``EdgeSource``. Exact where that is possible, else fitted if there is a tolerance: dynamic and switch frames always are."""
         kind = self._kernels._axes(frame[1])["class"]
         make = functools.partial(self._kernels.orientation, frame=frame[1], relative_to=base[1], start=self._start, stop=self._stop)
         return self._exact_or_fitted(functools.partial(make, **self._knots) if kind == CK else make, "orientation")

@@ -12,13 +12,13 @@ from jaxframes.errors import CoverageError, NoPathError, SpiceError, UnknownBody
 from jaxframes.spice.edge_source_kernels import KernelSource
 from jaxframes.spice.extraction.text_pck import has_text_pck
 from jaxframes.spice.options import Tolerance
-from jaxframes.spice.placing import place
 from jaxframes.spice.reading.clocks import clock_of, read_leap_seconds
 from jaxframes.spice.reading.frame_chain import CK, CLASSES, DYNAMIC, INERTIAL, PCK, SWITCH, anchored
 from jaxframes.spice.reading.naming import SSB, Names
 from jaxframes.spice.reading.segments import coverage
 from jaxframes.tables.instants import Instant
 from jaxframes.tables.naif_ids import J2000, labelled
+from jaxframes.tables.placing import place
 from jaxframes.time.calendar import tdb_text
 from jaxframes.time.scales import LeapSeconds
 from jaxframes.tree.builder import TreeBuilder

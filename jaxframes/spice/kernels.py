@@ -21,10 +21,11 @@ from jaxframes.spice.reading.kernel_files import ShortNames, kernel_files, sha25
 from jaxframes.spice.reading.process import TIMEOUT, CspiceError, KernelProcess
 from jaxframes.spice.reading.segment_paths import on_the_way
 from jaxframes.spice.reading.segments import Piece, Segment, coverage, handed_over
-from jaxframes.tables.base import Table, TranslationTable
+from jaxframes.tables.base import Table
 from jaxframes.tables.info import Info, Source, decimal
 from jaxframes.tables.instants import Instant, exact_seconds, pairs, reference_day, span_text
-from jaxframes.tables.records import to_leg
+from jaxframes.tables.records import METRES, HostRecordTable, to_record_table
+from jaxframes.tables.translation import TranslationTable
 
 T = TypeVar("T", bound=Table)
 
@@ -138,7 +139,7 @@ class Kernels(Inventory):
             correction: ``"NONE"``, or an aberration correction of SPICE that the fit contains: ``"CN"``, ``"CN+S"``, ``"XCN"`` or
                 ``"XCN+S"``; ``"LT"`` and its kin for compatibility: SPICE's velocities are then not the derivatives of its positions,
                 while the table's are.
-            compose: Whether to add up the legs of an exact chain on one grid: one look-up instead of several, at the cost of one
+            compose: Whether to add up the record tables of an exact chain on one grid: one look-up instead of several, at the cost of one
                 more rounding of the position. Legs with velocities of their own (type 3) stay as they are.
 
         Raises:
@@ -214,7 +215,7 @@ class Kernels(Inventory):
         """
         of, relative, axes = self._body(target, "target"), self._body(center, "center"), self._axes(frame)["name"]
         found = self._process.call("states", of, relative, axes, np.asarray(times, float), correction, doing="computing states")
-        return found[:, :3] * joining.METRES, found[:, 3:] * joining.METRES
+        return found[:, :3] * METRES, found[:, 3:] * METRES
 
     def turns(self, *, frame: str, times: Any, relative_to: str = "J2000") -> tuple[np.ndarray, np.ndarray]:
         """Return what CSPICE itself says (``sxform``): rotation matrices o_R_p [n, 3, 3] and angular velocities [n, 3] in rad/s.
@@ -231,7 +232,7 @@ class Kernels(Inventory):
         name: str,
         names: tuple[str, int, str, int, str],
         bounds: tuple[Fraction, Fraction],
-        legs: Sequence[joining.HostLeg],
+        record_tables: Sequence[HostRecordTable],
         used: Sequence[Piece | Path],
         facts: dict[str, Any] | None = None,
         **more: Any,
@@ -248,11 +249,18 @@ class Kernels(Inventory):
             toolkit=self._process.call("version", doing="asking for the version"),
             **{"segments": lines, **(facts or {})},
         )
-        made = tuple(to_leg(leg.arrays, leg.series, leg.compares, low=kind is TranslationTable) for leg in legs)
-        fields = {"legs": made, "reference": pairs(Fraction(reference)), "span": pairs(*(x - reference for x in bounds)), "info": info}
+        made = tuple(
+            to_record_table(records.arrays, records.series, records.compares, low=kind is TranslationTable) for records in record_tables
+        )
+        fields = {
+            "record_tables": made,
+            "reference": pairs(Fraction(reference)),
+            "span": pairs(*(x - reference for x in bounds)),
+            "info": info,
+        }
         return kind(**fields, **more)  # pyright: ignore[reportCallIssue]
 
-    def _join(self, parts: list[tuple[Piece, np.ndarray | None]], sign: int, start: Fraction) -> tuple[joining.HostLeg, list[float]]:
+    def _join(self, parts: list[tuple[Piece, np.ndarray | None]], sign: int, start: Fraction) -> tuple[HostRecordTable, list[float]]:
         records, late = [], handed_over([piece for piece, _ in parts])
         for (piece, rotation), last_instant_taken in zip(parts, late, strict=True):
             read = replace(node_segments.read(self._process, piece), late=last_instant_taken)

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from jaxframes.errors import SpiceError, ToleranceError
+from jaxframes.tables.info import UNITS
 
 LAYOUTS = ("uniform", "dyadic")
 NAMES = {"translation": ("position", "velocity"), "orientation": ("angle", "rate")}
-UNITS = {"translation": ("m", "m/s", "m/s2"), "orientation": ("rad", "rad/s", "rad/s2")}
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,11 @@ from jaxframes.numerics.two_part import recast_pair, turned, two_sum
 from jaxframes.staging.arrays import default_float, is_concrete
 from jaxframes.staging.columns import assemble, parameters, take_apart
 from jaxframes.staging.stages import stage
-from jaxframes.tables.base import attitude_of, checked_order, turns, two_parts
+from jaxframes.tables.base import checked_order, two_parts
 from jaxframes.tables.evaluate import recast
 from jaxframes.tables.info import Info
 from jaxframes.tables.instants import split
+from jaxframes.tables.orientation import attitude_of, euler_steps
 
 CENTURY = 36525 * 86400.0
 """Seconds of a Julian century."""
@@ -74,14 +75,7 @@ class IauOrientation(Edge):
         hi, lo = inputs.time
         values = take_apart(stage(lambda: assemble(self._angles(hi, lo, order)))())
         triples = tuple(V3(*values[i : i + 3]) for i in range(0, len(values), 3))
-        return turns(Quat(*parameters(self.placement, inputs.batch_rank)), triples)
-
-    def add_to_tree(self, builder: Any, *, body: str | int, frame: str | int | None, tables: Any = None) -> str:
-        """Find or add the frame of a body in a builder, from these tables; see ``TreeBuilder.add_spice``."""
-        from jaxframes.spice.edge_source_tables import TableSource
-        from jaxframes.spice.placing import place
-
-        return place(builder, TableSource(tables or [self]), body, frame)
+        return euler_steps(Quat(*parameters(self.placement, inputs.batch_rank)), triples)
 
     def describe(self) -> str:
         """Return the kind of the edge and its frames."""

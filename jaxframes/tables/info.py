@@ -7,6 +7,8 @@ from typing import Any
 from jaxframes.tables.instants import span_text
 
 EXTRACTION = "exact extraction of Chebyshev records"
+UNITS = {"translation": ("m", "m/s", "m/s2"), "orientation": ("rad", "rad/s", "rad/s2")}
+"""Units of value, rate and acceleration."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +76,8 @@ class Info:
     def from_json(cls, data: dict[str, Any]) -> "Info":
         """Return the facts that ``to_json`` wrote."""
         sources = tuple(Source(**s) for s in data["sources"])
-        measured = tuple((str(name), float(value)) for name, value in data.get("measured", ()))
-        texts = {name: tuple(data.get(name, ())) for name in ("segments", "notes")}
+        measured = tuple((str(name), float(value)) for name, value in data["measured"])
+        texts = {name: tuple(data[name]) for name in ("segments", "notes")}
         return cls(**{**data, "sources": sources, "measured": measured, **texts})
 
 

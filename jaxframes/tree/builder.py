@@ -15,6 +15,7 @@ from jaxframes.kinematics.plan import LARGE
 from jaxframes.model.parameters import families, strengthened
 from jaxframes.model.properties import Properties, freeze, thaw
 from jaxframes.model.topology import Topology
+from jaxframes.tables.edge_source import place_tables
 from jaxframes.tree.frame_tree import FrameTree
 
 
@@ -191,13 +192,9 @@ class TreeBuilder:
         Raises:
             FrameError: The source knows no such body or frame, or has no data that connect it with the tree.
         """
-        offer: Any = source
-        if isinstance(source, (Mapping, Sequence)) and not isinstance(source, str):
-            tables: list[Any] = list(source.values() if isinstance(source, Mapping) else source)
-            offer, options = (tables[0] if tables else None), {"tables": tables, **options}
-        if not hasattr(offer, "add_to_tree"):
-            raise EdgeError(f"add_spice takes jf.spice.Kernels or tables made by them, found {type(source).__name__}: {source!r}")
-        return offer.add_to_tree(self, body=body, frame=frame, **options)
+        if not hasattr(source, "add_to_tree"):
+            return place_tables(self, source, body=body, frame=frame, **options)
+        return source.add_to_tree(self, body=body, frame=frame, **options)
 
     def frames(self) -> Iterator[tuple[str, str | None, Edge | None, Mapping[str, Any]]]:
         """Return (name, parent, edge, properties) of each frame in order of declaration; the root has neither parent nor edge."""

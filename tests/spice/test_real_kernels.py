@@ -305,7 +305,7 @@ def test_dynamic_frames_are_fitted(imap, rng, frame):
     worst = jf.spice.compare(imap, table, rng.uniform(*span_of(table), 1500))
     assert worst.value <= 1e-9
     assert worst.rate <= 1e-13
-    assert table.legs[0].rows.shape[0] <= 512
+    assert table.record_tables[0].rows.shape[0] <= 512
 
 
 @pytest.mark.parametrize("frame", ["IMAP_EQUAMOD", "IMAP_ECLIPMOD"])

@@ -10,13 +10,13 @@ import numpy as np
 from jaxframes.errors import CoverageError, NoPathError
 from jaxframes.numerics import host_quaternions, host_two_part
 from jaxframes.spice import accuracy
-from jaxframes.spice.extraction import joining
 from jaxframes.spice.reading.ck_segments import KNOTS, CkSegment, Intervals, layered, read_intervals, segments_of
 from jaxframes.spice.reading.clocks import Clock, clock_of
 from jaxframes.spice.reading.segment_paths import Span, open_ends, uncovered
-from jaxframes.spice.reading.segments import HANDOVER
 from jaxframes.tables.attitude import MODES, AttitudeTable
+from jaxframes.tables.index import AFTER_END, build_index
 from jaxframes.tables.instants import exact_seconds, reference_day, span_text
+from jaxframes.tables.records import HostRecordTable
 
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
@@ -95,17 +95,17 @@ def attitude(
     last = max(_exact(t1, -1), bounds[1])
     reference = reference_day(bounds[0])
     starts, rows, gaps = _rows(intervals, t0, t1, reference, ck)
-    index, compares = joining.index(starts, last - reference)
-    leg = joining.HostLeg({"rows": rows, **index}, rows.shape[1] - 3, compares)
+    index, compares = build_index(starts, last - reference)
+    records = HostRecordTable({"rows": rows, **index}, rows.shape[1] - 3, compares)
     facts = {
         "method": f"knots of C-kernels, ck={ck!r}",
-        "measured": accuracy.knots(kernels, of["name"], base["name"], leg, ck, reference, bounds) + measured,
+        "measured": accuracy.knots(kernels, of["name"], base["name"], records, ck, reference, bounds) + measured,
         "notes": _notes(used, gaps),
         "segments": tuple(dict.fromkeys(f"{s.describe()}, frame id {s.frame}" for s in used)),
     }
     names = (of["name"], of["id"], base["name"], base["id"], base["name"])
     files = [Path(p) for p in sorted({s.path for s in used})]
-    return kernels._table(AttitudeTable, "knots", names, bounds, [leg], files, facts, mode=ck)
+    return kernels._table(AttitudeTable, "knots", names, bounds, [records], files, facts, mode=ck)
 
 
 def _read(kernels: "Kernels", segment: CkSegment, clock: Clock, bridge: float | None) -> Intervals:
@@ -209,7 +209,7 @@ def _rows(
     nothing[[0, 4]], nothing[-1] = 1.0, np.nan
     empty = np.flatnonzero(t0[0][1:] - t1[0][:-1] > 2 * float(GRACE))
     gaps = [(_exact(until, e) + reference, _exact(past, e + 1) + reference) for e in empty]
-    shift = np.where(late, float(HANDOVER), 0.0)
+    shift = np.where(late, float(AFTER_END), 0.0)
     shift[empty + 1] = -float(GRACE)
     serve = host_two_part.add(past, (shift, np.zeros(len(shift))))
     starts = tuple(np.insert(own, empty + 1, rest[empty]) for own, rest in zip(serve, pause, strict=True))

@@ -1,42 +1,19 @@
-"""From the records of kernels to the arrays of legs: units, axes, joining, combining. On the host, in float64 and exact times."""
+"""From the records of kernels to the arrays of record tables: units, axes, joining, combining. On the host, in float64 and exact times."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
-from typing import TypeAlias
 
 import numpy as np
 
-from jaxframes.errors import BadKernelError
-from jaxframes.numerics import host_two_part
-from jaxframes.spice.reading.segments import HANDOVER, Records
+from jaxframes.spice.reading.segments import Records
+from jaxframes.tables.index import irregular
 from jaxframes.tables.instants import two_parts
-
-METRES = 1000.0
-MOST_CELLS = 8
-Starts: TypeAlias = list[Fraction] | host_two_part.Pair
-"""Instants in order: exact numbers, or all of them in two parts."""
+from jaxframes.tables.records import HostRecordTable
 
 
-@dataclass(frozen=True)
-class HostLeg:
-    """A leg in float64 on the host: the arrays of ``legs.Leg`` under their names, with its static numbers."""
-
-    arrays: dict[str, np.ndarray]
-    series: int
-    compares: int
-
-    def same_grid(self, other: "HostLeg") -> bool:
-        """Whether two legs have the same records in time, so that their coefficients can be added."""
-        if (self.series, self.compares, set(self.arrays)) != (other.series, other.compares, set(other.arrays)):
-            return False
-        pairs = [(self.arrays[name], other.arrays[name]) for name in self.arrays if name != "rows"]
-        pairs.append((self.arrays["rows"][:, -3:], other.arrays["rows"][:, -3:]))
-        return all(np.array_equal(a, b) for a, b in pairs)
-
-
-def join(parts: Sequence[Records], sign: int, reference: int) -> HostLeg:
-    """Return one leg from the records of consecutive pieces.
+def join(parts: Sequence[Records], sign: int, reference: int) -> HostRecordTable:
+    """Return one record table from the records of consecutive pieces.
 
     Args:
         parts: Records in time order, each part serving up to where the next one starts.
@@ -61,7 +38,7 @@ def join(parts: Sequence[Records], sign: int, reference: int) -> HostLeg:
     radius = np.concatenate([part.radius for part in parts])
     rows = np.concatenate([sign * coefficients.reshape(count, -1), np.stack([middle_hi, middle_lo, radius], 1)], 1)
     index, compares = _index(parts, reference)
-    return HostLeg({"rows": rows, **index}, series, compares)
+    return HostRecordTable({"rows": rows, **index}, series, compares)
 
 
 def rotated(records: Records, rotation: np.ndarray) -> Records:
@@ -93,74 +70,6 @@ def _index(parts: Sequence[Records], reference: int) -> tuple[dict[str, np.ndarr
     return irregular(starts, parts[-1].stop - reference)
 
 
-def index(starts: Starts, stop: Fraction) -> tuple[dict[str, np.ndarray], int]:
-    """Return the arrays that find a record by time, and how many comparisons they need.
-
-    Args:
-        starts: Where each record starts to serve, seconds past the reference, in order: exact numbers, or an array of two parts.
-        stop: Where the last one ends.
-    """
-    high, low = _pair(starts)
-    count, origin = len(high), Fraction(high[0]) + Fraction(low[0])
-    half = count // 2
-    step, middle = (stop - origin) / count, (Fraction(high[half]) + Fraction(low[half]) - origin) / max(half, 1)
-    if count > 1:
-        gaps, rests = host_two_part.add((high[1:], low[1:]), (-high[:-1], -low[:-1]))
-        usual = np.argsort(gaps)[(count - 1) // 2]
-        odd = np.abs((gaps - gaps[usual]) + (rests - rests[usual]))
-        if ((odd > HANDOVER / 2) & (odd < HANDOVER * 2)).any():
-            return irregular((high, low), stop)  # some record keeps its last instant: not even
-    for length in (step, middle):  # the last record may be cut short
-        width = [np.full(count, part) for part in two_parts(length)]
-        line = host_two_part.multiply((np.arange(float(count)), np.zeros(count)), (width[0], width[1]))
-        off = host_two_part.add(host_two_part.add((high, low), (-line[0], -line[1])), (np.full(count, -high[0]), np.full(count, -low[0])))[
-            0
-        ]
-        last = Fraction(high[-1]) + Fraction(low[-1])
-        if np.abs(off).max() <= float(length) / 1e10 and stop <= last + length * 2:
-            return {"grid": np.array([*two_parts(origin), float(length)])}, 0
-    return irregular((high, low), stop)
-
-
-def irregular(starts: Starts, stop: Fraction) -> tuple[dict[str, np.ndarray], int]:
-    """Return what ``index`` does, for records of unequal length.
-
-    Raises:
-        BadKernelError: If the records are not in time order.
-    """
-    high, low = _pair(starts)
-    origin, last = (Fraction(high[i]) + Fraction(low[i]) for i in (0, -1))
-    lengths = np.append(host_two_part.add((high[1:], low[1:]), (-high[:-1], -low[:-1]))[0], float(stop - last))
-    if (lengths <= 0).any():
-        raise BadKernelError("records of the kernels loaded are not in time order")
-    span, count = stop - origin, len(high)
-    # A cell no wider than the shortest record needs one comparison; a sliver of a record gets more comparisons, not millions of cells.
-    cells = cells_of(count, span, Fraction(lengths.min()))
-    width = float(span / cells)
-    edges, rest = host_two_part.add((high, low), (np.full(count, -high[0]), np.full(count, -low[0])))
-    # Rounded up where it matters: the cell that starts an instant before a record does still belongs to the one before.
-    above = np.where(rest > 0, np.nextafter(edges, np.inf), edges)
-    corners = np.arange(cells) * width
-    slack = 1e-9 * width
-    first = np.searchsorted(above, corners, side="right") - 1
-    final = np.searchsorted(edges, corners + width + slack, side="right") - 1
-    ends = np.stack([np.append(high[1:], np.inf), np.append(low[1:], 0.0)], 1)
-    grid = np.array([*two_parts(origin), width])
-    return {"grid": grid, "first": first.astype(np.float64), "ends": ends}, int((final - first).max())
-
-
-def _pair(starts: Starts) -> host_two_part.Pair:
-    if isinstance(starts, tuple):
-        return starts
-    high, low = np.array([two_parts(start) for start in starts], float).reshape(-1, 2).T
-    return high, low
-
-
-def cells_of(count: int, span: Fraction, shortest: Fraction) -> int:
-    """Return how many cells find one of so many records of unequal length, the shortest so long, over a span."""
-    return int(min(-(-span // shortest), MOST_CELLS * count + 64))
-
-
 def _is_uniform(parts: Sequence[Records]) -> bool:
     """Whether the records of all parts lie on the grid of the first: to 1e-10 of a record, where its series are as good as inside."""
     length, origin = parts[0].step, parts[0].origin
@@ -179,46 +88,39 @@ def _is_uniform(parts: Sequence[Records]) -> bool:
     return True
 
 
-def combine(legs: Sequence[HostLeg]) -> list[HostLeg]:
-    """Return the legs with those on the same grid added coefficient by coefficient."""
-    out: list[HostLeg] = []
-    for leg in legs:
-        twin = next((i for i, other in enumerate(out) if leg.same_grid(other)), None)
+def combine(record_tables: Sequence[HostRecordTable]) -> list[HostRecordTable]:
+    """Return the record tables with those on the same grid added coefficient by coefficient."""
+    out: list[HostRecordTable] = []
+    for records in record_tables:
+        twin = next((i for i, other in enumerate(out) if records.same_grid(other)), None)
         if twin is None:
-            out.append(leg)
+            out.append(records)
         else:
-            out[twin] = _sum(out[twin], leg)
+            out[twin] = _sum(out[twin], records)
     return out
 
 
-def _sum(a: HostLeg, b: HostLeg) -> HostLeg:
+def _sum(a: HostRecordTable, b: HostRecordTable) -> HostRecordTable:
     long, short = (a, b) if a.arrays["rows"].shape[1] >= b.arrays["rows"].shape[1] else (b, a)
     rows = long.arrays["rows"].copy()
     width = short.arrays["rows"].shape[1] - 3
     rows[:, :width] += short.arrays["rows"][:, :-3]
-    return HostLeg({**long.arrays, "rows": rows}, a.series, a.compares)
-
-
-def in_metres(leg: HostLeg) -> HostLeg:
-    """Return a leg with its coefficients turned from km and km/s to m and m/s: one rounding each."""
-    rows = leg.arrays["rows"].copy()
-    rows[:, :-3] *= METRES
-    return HostLeg({**leg.arrays, "rows": rows}, leg.series, leg.compares)
+    return HostRecordTable({**long.arrays, "rows": rows}, a.series, a.compares)
 
 
 TURN = Fraction(62831853071795864769252867665590057683943387987502116419498891846156328125724179972560696506842341359, 10**100)
 """Two pi to a hundred digits."""
 
 
-def unwound(leg: HostLeg) -> HostLeg:
-    """Return a leg of angles with whole double turns taken out of each record's constant term.
+def unwound(records: HostRecordTable) -> HostRecordTable:
+    """Return a record table of angles with whole double turns taken out of each record's constant term.
 
     Angles of a spinning body grow without bound (thousands of radians), and with them the rounding of their sines. Double turns, not
     single ones, so that the quaternion made of half the angle does not change its sign.
     """
-    rows = leg.arrays["rows"].copy()
+    rows = records.arrays["rows"].copy()
     for column in range(3):
         for i in np.flatnonzero(np.abs(rows[:, column]) > 2 * float(TURN)):
             angle = Fraction(rows[i, column])
             rows[i, column] = float(angle - round(angle / (2 * TURN)) * 2 * TURN)
-    return HostLeg({**leg.arrays, "rows": rows}, leg.series, leg.compares)
+    return HostRecordTable({**records.arrays, "rows": rows}, records.series, records.compares)

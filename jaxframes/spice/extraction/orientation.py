@@ -18,9 +18,9 @@ from jaxframes.spice.options import Tolerance, checked_bridge, checked_layout, c
 from jaxframes.spice.reading.frame_chain import CK, CLASSES, DYNAMIC, PCK, SWITCH, TK, anchored
 from jaxframes.spice.reading.segment_paths import orientation_pieces
 from jaxframes.staging.arrays import default_float
-from jaxframes.tables.base import OrientationTable
-from jaxframes.tables.fixed import FixedFrame, turned
+from jaxframes.tables.fixed import FixedFrame, rotation_only
 from jaxframes.tables.instants import Instant, reference_day
+from jaxframes.tables.orientation import OrientationTable
 
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
@@ -76,7 +76,7 @@ def _made(kernels: "Kernels", request: Request) -> Any:
         middle = kernels._process.call(
             "rotation", of_anchor.axes["name"], base_anchor.axes["name"], doing=f"rotating {of['name']} to {base['name']}"
         )
-        pose = turned(quaternion(base_anchor.matrix.T @ np.array(middle) @ of_anchor.matrix))
+        pose = rotation_only(quaternion(base_anchor.matrix.T @ np.array(middle) @ of_anchor.matrix))
         return FixedFrame(pose, timeless_info(kernels, request, "fixed", "constant rotation"))
     if request.tolerance is not None:
         return fit_turns.orientation(kernels, request)
@@ -129,12 +129,12 @@ def binary_pck(kernels: "Kernels", request: Request) -> OrientationTable:
             f"The segments of {of['name']} are relative to different frames {sorted(bases)} over this span: make one table for each."
         )
     rotation = kernels._rotation(pieces[0].segment, base["name"])
-    leg, _ = kernels._join([(piece, None) for piece in pieces], 1, bounds[0])
+    records, _ = kernels._join([(piece, None) for piece in pieces], 1, bounds[0])
     names = (of["name"], of["id"], base["name"], base["id"], base["name"])
-    placement, leg = quaternion(np.eye(3) if rotation is None else rotation), joining.unwound(leg)
-    facts = {"measured": accuracy.angles(kernels, of["name"], base["name"], leg, placement, reference_day(bounds[0]), bounds)}
+    placement, records = quaternion(np.eye(3) if rotation is None else rotation), joining.unwound(records)
+    facts = {"measured": accuracy.angles(kernels, of["name"], base["name"], records, placement, reference_day(bounds[0]), bounds)}
     placed = jnp.asarray(placement, default_float())
-    return kernels._table(OrientationTable, "orientation", names, bounds, [leg], pieces, facts, placement=placed)
+    return kernels._table(OrientationTable, "orientation", names, bounds, [records], pieces, facts, placement=placed)
 
 
 MAKERS: dict[int, Maker] = {PCK: pck}

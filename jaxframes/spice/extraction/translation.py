@@ -10,12 +10,13 @@ from jaxframes.spice import accuracy
 from jaxframes.spice.extraction import composing, joining
 from jaxframes.spice.fitting import translation as fit
 from jaxframes.spice.options import Tolerance, checked_layout, checked_size, checked_tolerance
-from jaxframes.spice.reading.segment_paths import translation_legs
+from jaxframes.spice.reading.segment_paths import translation_links
 from jaxframes.spice.reading.segments import Piece, Segment
-from jaxframes.tables.base import TranslationTable
 from jaxframes.tables.info import EXTRACTION
 from jaxframes.tables.instants import Instant, reference_day
 from jaxframes.tables.naif_ids import labelled
+from jaxframes.tables.records import HostRecordTable, in_metres
+from jaxframes.tables.translation import TranslationTable
 
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
@@ -39,9 +40,9 @@ class Request:
 
 @dataclass(frozen=True)
 class Extracted:
-    """Legs in km with the pieces of segments and the notes that belong to them."""
+    """Record tables in km with the pieces of segments and the notes that belong to them."""
 
-    legs: list[joining.HostLeg]
+    record_tables: list[HostRecordTable]
     pieces: list[Piece]
     notes: tuple[str, ...]
 
@@ -63,30 +64,30 @@ def translation(kernels: "Kernels", request: Request) -> TranslationTable:
     found = extracted(kernels, of, relative, axes, bounds)
     facts: dict[str, Any] = {"notes": found.notes}
     reference = reference_day(bounds[0])
-    if request.compose and all(leg.series == 3 for leg in found.legs) and len(found.legs) > 1:
-        legs = [composing.composed(found.legs, *(x - reference for x in bounds))]
-        facts["method"] = f"{EXTRACTION}, {len(found.legs)} legs composed in double-double"
+    if request.compose and all(records.series == 3 for records in found.record_tables) and len(found.record_tables) > 1:
+        record_tables = [composing.composed(found.record_tables, *(x - reference for x in bounds))]
+        facts["method"] = f"{EXTRACTION}, {len(found.record_tables)} record tables composed in double-double"
     else:
-        legs = [joining.in_metres(leg) for leg in joining.combine(found.legs)]
-    facts["measured"] = accuracy.positions(kernels, of, relative, axes, legs, reference, bounds)
-    return kernels._table(TranslationTable, "translation", names, bounds, legs, found.pieces, facts)
+        record_tables = [in_metres(records) for records in joining.combine(found.record_tables)]
+    facts["measured"] = accuracy.positions(kernels, of, relative, axes, record_tables, reference, bounds)
+    return kernels._table(TranslationTable, "translation", names, bounds, record_tables, found.pieces, facts)
 
 
 def extracted(kernels: "Kernels", of: int, relative: int, axes: str, bounds: tuple[Fraction, Fraction]) -> Extracted:
-    """Return the legs from one body to another, in km, one for each link of the chain.
+    """Return the record tables from one body to another, in km, one for each link of the chain.
 
     Raises:
         NoPathError: If the bodies are not connected, or a segment is not made of polynomials.
         CoverageError: If the kernels do not cover the span.
     """
-    legs, pieces, apart = list[joining.HostLeg](), list[Piece](), list[float]()
-    for sign, own in translation_legs(of, relative, kernels._segments, *bounds, kernels._name):
+    record_tables, pieces, apart = list[HostRecordTable](), list[Piece](), list[float]()
+    for sign, own in translation_links(of, relative, kernels._segments, *bounds, kernels._name):
         parts = [(piece, kernels._rotation(piece.segment, axes)) for piece in own]
-        leg, said = kernels._join(parts, sign, bounds[0])
-        legs.append(leg)
+        records, said = kernels._join(parts, sign, bounds[0])
+        record_tables.append(records)
         pieces += own
         apart += said
-    return Extracted(legs, pieces, _velocities(pieces, apart))
+    return Extracted(record_tables, pieces, _velocities(pieces, apart))
 
 
 def _velocities(pieces: list[Piece], apart: list[float]) -> tuple[str, ...]:

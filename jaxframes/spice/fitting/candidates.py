@@ -8,13 +8,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from jaxframes.spice.extraction.joining import cells_of
+from jaxframes.tables.index import cells_of
 
 DEGREES = tuple(range(7, 18))
 INDEPENDENT = 2000  # random epochs of the final check, beside some in every record
 MOST_RECORDS = 400_000
 SLIVER = Fraction(1, 1000)
-GRID = 3 * 8  # bytes of a leg's grid
+GRID = 3 * 8  # bytes of a record table's grid
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ import numpy as np
 
 from jaxframes.errors import CoverageError
 from jaxframes.numerics import host_quaternions
-from jaxframes.spice.extraction import joining
 from jaxframes.spice.extraction.ck_attitude import GRACE
 from jaxframes.spice.fitting.candidates import DEGREES, Choice, Part
 from jaxframes.spice.fitting.translation import made, served
@@ -23,7 +22,9 @@ from jaxframes.spice.reading.segments import Segment, late_instants
 from jaxframes.staging.arrays import default_float
 from jaxframes.tables.attitude import CayleyTable
 from jaxframes.tables.host_evaluate import cayley_rates
+from jaxframes.tables.index import build_index
 from jaxframes.tables.instants import reference_day, span_text, two_parts
+from jaxframes.tables.records import HostRecordTable
 
 if TYPE_CHECKING:
     from jaxframes.spice.extraction.orientation import Request
@@ -128,18 +129,18 @@ def orientation(kernels: "Kernels", request: "Request") -> CayleyTable:
             raise
         raise CoverageError(f"CSPICE has no orientation of {aim}, at some instants at least: {error} Leave those out.") from error
     gaps = [(a.stop, b.start) for a, b in pairwise(stretches) if b.start - a.stop > TOUCHING]
-    leg, spins = _leg(found, reference_day(bounds[0]), late_instants(_own(kernels, of), *bounds))
+    records, spins = _records(found, reference_day(bounds[0]), late_instants(_own(kernels, of), *bounds))
     measured = (("angle error, rad", found.worst[0]), ("rate error, rad/s", found.worst[1]), model.acceleration(found))
     notes = [made(goal, found, model.extras), *(f"gap: {span_text(*gap)}" for gap in gaps[:20])]
     notes += [f"{len(gaps)} gaps in all"] if gaps else []
     facts = {"method": f"{request.layout} fit of CSPICE's orientations, Cayley vectors", "measured": measured, "notes": tuple(notes)}
     names = (of["name"], of["id"], base["name"], base["id"], base["name"])
     spun = jnp.asarray(spins, default_float())
-    return kernels._table(CayleyTable, "cayley", names, bounds, [leg], files, facts, spins=spun)
+    return kernels._table(CayleyTable, "cayley", names, bounds, [records], files, facts, spins=spun)
 
 
-def _leg(found: Choice, reference: int, late: set[Fraction]) -> tuple[joining.HostLeg, np.ndarray]:
-    """Return the leg and the reference spins [n, 8]; a gap is a row whose length is NaN."""
+def _records(found: Choice, reference: int, late: set[Fraction]) -> tuple[HostRecordTable, np.ndarray]:
+    """Return the record table and the reference spins [n, 8]; a gap is a row whose length is NaN."""
     fitted, n = found.fitted, len(found.spans)
     rate = np.linalg.norm(fitted["spin"], axis=1)
     axis = np.where(rate[:, None] > 0, fitted["spin"] / np.where(rate > 0, rate, 1.0)[:, None], np.array([1.0, 0.0, 0.0]))
@@ -151,7 +152,7 @@ def _leg(found: Choice, reference: int, late: set[Fraction]) -> tuple[joining.Ho
     rows = np.concatenate([series, hi[:, None], lo[:, None], fitted["radius"][:, None]], 1)
     if found.grid is not None:
         origin, step = found.grid
-        return joining.HostLeg({"rows": rows, "grid": np.array([*two_parts(origin - reference), float(step)])}, 3, 0), spins
+        return HostRecordTable({"rows": rows, "grid": np.array([*two_parts(origin - reference), float(step)])}, 3, 0), spins
     starts, row_parts, spin_parts, at = [], [], [], 0
     nothing, still = np.zeros((1, rows.shape[1])), np.array([[1.0, 0, 0, 0, 1.0, 0, 0, 0]])
     nothing[0, -1] = np.nan
@@ -166,8 +167,8 @@ def _leg(found: Choice, reference: int, late: set[Fraction]) -> tuple[joining.Ho
                 row_parts.append(nothing)
                 spin_parts.append(still)
             at = i
-    index, compares = joining.index(starts, found.spans[-1][1] - reference)
-    return joining.HostLeg({"rows": np.concatenate(row_parts), **index}, 3, compares), np.concatenate(spin_parts)
+    index, compares = build_index(starts, found.spans[-1][1] - reference)
+    return HostRecordTable({"rows": np.concatenate(row_parts), **index}, 3, compares), np.concatenate(spin_parts)
 
 
 def _own(kernels: "Kernels", of: dict[str, Any]) -> list[Segment]:

@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jaxframes.errors import BadKernelError, CoverageError, FrameError, NoPathError, suggest
-from jaxframes.spice.extraction import joining
 from jaxframes.spice.extraction.node_segments import POLYNOMIAL, node_grid
 from jaxframes.spice.fitting.candidates import Choice, Part, table_bytes
 from jaxframes.spice.fitting.translation_model import StateModel, chosen
 from jaxframes.spice.options import Goal, Tolerance
 from jaxframes.spice.reading.process import CspiceError
-from jaxframes.spice.reading.segment_paths import Walk, translation_legs
-from jaxframes.spice.reading.segments import HANDOVER, Piece, Segment, late_instants
-from jaxframes.tables.base import TranslationTable
+from jaxframes.spice.reading.segment_paths import Walk, translation_links
+from jaxframes.spice.reading.segments import Piece, Segment, late_instants
+from jaxframes.tables.index import AFTER_END, build_index
 from jaxframes.tables.instants import reference_day, span_text, two_parts
+from jaxframes.tables.records import HostRecordTable, in_metres
 from jaxframes.tables.report import record_jumps
+from jaxframes.tables.translation import TranslationTable
 
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
@@ -70,14 +71,14 @@ def translation(
         model, found, notes = chosen(lambda positions: StateModel(kernels, of, relative, axes, correction, positions), parts, unit, goal)
     except CspiceError as error:
         if error.short == "SPICE(SPKINSUFFDATA)":
-            translation_legs(of, relative, kernels._segments, *bounds, kernels._name)  # says more, if the chain itself has a gap
+            translation_links(of, relative, kernels._segments, *bounds, kernels._name)  # says more, if the chain itself has a gap
             raise CoverageError(f"The kernels loaded do not cover {aim}, with what its correction needs: {error}") from error
         raise
     measured = {"position error, m": found.worst[0], "velocity error, m/s": found.worst[1]}
     measured |= dict([acceleration(model, found, bounds)])
     if correction == "NONE" and all((s.kind, s.type) in POLYNOMIAL for s in segments):
         with contextlib.suppress(FrameError):  # a chain that changes its centres, say: CSPICE follows it, extraction does not
-            measured |= jumps(extracted(kernels, of, relative, axes, bounds).legs)
+            measured |= jumps(extracted(kernels, of, relative, axes, bounds).record_tables)
     how = "positions" if model.positions else "velocities"
     facts = {
         "method": f"{layout} fit of CSPICE's {how}" + (f", {correction}" if correction != "NONE" else ""),
@@ -86,9 +87,9 @@ def translation(
         "notes": (made(goal, found, model.extras), *notes),
     }
     late = late_instants(segments, *bounds)
-    leg = host_leg(found, model.coefficients(found.fitted, found.degree), reference_day(bounds[0]), late)
+    records = host_records(found, model.coefficients(found.fitted, found.degree), reference_day(bounds[0]), late)
     pieces = [Piece(s, max(Fraction(s.begin), bounds[0]), min(Fraction(s.end), bounds[1])) for s in segments]
-    return kernels._table(TranslationTable, "translation", names, bounds, [leg], pieces, facts)
+    return kernels._table(TranslationTable, "translation", names, bounds, [records], pieces, facts)
 
 
 def made(goal: Goal, found: Choice, extras: int) -> str:
@@ -97,8 +98,8 @@ def made(goal: Goal, found: Choice, extras: int) -> str:
     return f"asked for {goal.asked()}; {records}, checked at independent epochs"
 
 
-def host_leg(found: Choice, coefficients: np.ndarray, reference: int, late: set[Fraction]) -> joining.HostLeg:
-    """Return the leg of chosen records; a uniform grid where there is one. Records that start at late instants serve from after these."""
+def host_records(found: Choice, coefficients: np.ndarray, reference: int, late: set[Fraction]) -> HostRecordTable:
+    """Return the record table of chosen records; a uniform grid where there is one."""
     n = len(found.spans)
     hi = found.fitted["middle"] - reference
     back = hi - found.fitted["middle"]
@@ -106,14 +107,14 @@ def host_leg(found: Choice, coefficients: np.ndarray, reference: int, late: set[
     rows = np.concatenate([coefficients.reshape(n, -1), hi[:, None], lo[:, None], found.fitted["radius"][:, None]], 1)
     if found.grid is not None:
         origin, step = found.grid
-        return joining.HostLeg({"rows": rows, "grid": np.array([*two_parts(origin - reference), float(step)])}, 3, 0)
-    index, compares = joining.index([served(a, late) - reference for a, _ in found.spans], found.spans[-1][1] - reference)
-    return joining.HostLeg({"rows": rows, **index}, 3, compares)
+        return HostRecordTable({"rows": rows, "grid": np.array([*two_parts(origin - reference), float(step)])}, 3, 0)
+    index, compares = build_index([served(a, late) - reference for a, _ in found.spans], found.spans[-1][1] - reference)
+    return HostRecordTable({"rows": rows, **index}, 3, compares)
 
 
 def served(start: Fraction, late: set[Fraction]) -> Fraction:
     """Return from when on a record that starts at an instant serves."""
-    return start + (HANDOVER if start in late else 0)
+    return start + (AFTER_END if start in late else 0)
 
 
 def involved(kernels: "Kernels", of: int, relative: int, bounds: tuple[Fraction, Fraction], correction: str) -> list[Segment]:
@@ -128,19 +129,19 @@ def involved(kernels: "Kernels", of: int, relative: int, bounds: tuple[Fraction,
         todo += [s.center for s in own]
         found += own
     if not found:
-        translation_legs(of, relative, kernels._segments, *bounds, kernels._name)  # says what is missing
+        translation_links(of, relative, kernels._segments, *bounds, kernels._name)  # says what is missing
     if correction != "NONE":
         with contextlib.suppress(NoPathError):  # a chain that changes its centres
             for walk in (Walk(body, kernels._segments, *bounds, kernels._name) for body in (of, relative)):
-                for segment in (piece.segment for leg in walk.legs for piece in leg):
+                for segment in (piece.segment for link in walk.links for piece in link):
                     if segment.type in (2, 3):
                         segment.grid()  # says so if it is damaged: CSPICE may take what lies beyond its end for data
         return found
     try:
-        legs = translation_legs(of, relative, kernels._segments, *bounds, kernels._name)
+        links = translation_links(of, relative, kernels._segments, *bounds, kernels._name)
     except NoPathError:
         return found
-    used = {id(piece.segment) for _, leg in legs for piece in leg}
+    used = {id(piece.segment) for _, link in links for piece in link}
     return [s for s in found if id(s) in used]
 
 
@@ -194,16 +195,16 @@ def acceleration(model: StateModel, found: Choice, bounds: tuple[Fraction, Fract
     )
 
 
-def jumps(legs: list[joining.HostLeg]) -> dict[str, float]:
+def jumps(record_tables: list[HostRecordTable]) -> dict[str, float]:
     """Return the largest jumps at the edges of the kernel's own records, SI units, by what they are."""
-    from jaxframes.tables.records import Leg
+    from jaxframes.tables.records import RecordTable
 
     found = np.zeros(3)
-    for leg in legs:
-        rows = joining.in_metres(leg).arrays["rows"]
+    for records in record_tables:
+        rows = in_metres(records).arrays["rows"]
         if len(rows) > MOST_JUMPS:
             return {}
-        own: Any = Leg(rows, leg.arrays["grid"], None, None, leg.series, leg.compares)  # pyright: ignore[reportArgumentType]
+        own: Any = RecordTable(rows, records.arrays["grid"], None, None, records.series, records.compares)  # pyright: ignore[reportArgumentType]
         sizes = record_jumps(own)
         found = np.maximum(found, sizes if sizes is not None else 0.0)
     units = ("position, m", "velocity, m/s", "acceleration, m/s2")

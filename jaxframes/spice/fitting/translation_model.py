@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jaxframes.spice.extraction import joining
 from jaxframes.spice.fitting.candidates import DEGREES, Choice, Part, table_bytes
 from jaxframes.spice.fitting.uniform import search
 from jaxframes.spice.options import Goal, UnmetError
+from jaxframes.tables.records import METRES
 
 if TYPE_CHECKING:
     from jaxframes.spice.kernels import Kernels
@@ -38,7 +38,7 @@ class StateModel:
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return positions and velocities [m, 3] at epochs [m]."""
         doing = "computing states for a fit"
-        states = self.kernels._process.call("states", *self.arguments, times, self.correction, doing=doing) * joining.METRES
+        states = self.kernels._process.call("states", *self.arguments, times, self.correction, doing=doing) * METRES
         self.scale = max(self.scale, float(np.abs(states[:, :3]).max()))
         return states[:, :3], states[:, 3:]
 

@@ -13,11 +13,9 @@ import numpy as np
 
 from jaxframes.errors import BadKernelError, NoPathError
 from jaxframes.spice.reading.process import KernelProcess
+from jaxframes.tables.index import AFTER_END
 
 CHEBYSHEV_TYPES = {"SPK": (2, 3), "PCK": (2,)}
-HANDOVER = Fraction(1, 2**30)
-"""So long, a nanosecond, does a segment serve past its end where another follows that would not serve that instant in SPICE: long enough
-for epochs whose two parts are not rounded to each other, and within the spacing of SPICE's own epochs."""
 MOST = 1e15  # km, km/s or rad: a number beyond it (a hundred light years) is damage
 
 
@@ -133,7 +131,7 @@ class Records:
 
     def starts(self) -> list[Fraction]:
         """Return the exact instant from which each record serves."""
-        start = self.start + (HANDOVER if self.late else 0)
+        start = self.start + (AFTER_END if self.late else 0)
         if self.inner is not None:
             return [start, *self.inner]
         return [start, *(self.origin + i * self.step for i in range(1, len(self.middle)))]

@@ -1,21 +1,23 @@
-"""Tables made before as the source of the edges that a tree is made of."""
+"""Tables as the source of the edges of a tree: what is not among them cannot be placed."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
+import jax
+
 from jaxframes.edges.base import Edge
 from jaxframes.errors import EdgeError, NoPathError, suggest
-from jaxframes.spatial import Transform
 from jaxframes.tables.fixed import FixedFrame
 from jaxframes.tables.info import Info
 from jaxframes.tables.naif_ids import CENTERS, INERTIAL, J2000, body_named, name_of
+from jaxframes.tables.placing import EdgeSource, TreeInMaking, place
 
 
-class TableSource:
+class TableSource(EdgeSource):
     """Tables made before as the source of edges: what is not among them cannot be placed.
 
-    The body that a frame belongs to is what its table says, and for tables of older files, which do not say it, what SPICE has built in.
+    The body that a frame belongs to is what its table says, and where it does not say it, what SPICE has built in.
     """
 
     asked: tuple[Fraction | None, Fraction | None] = (None, None)
@@ -30,7 +32,7 @@ class TableSource:
         self._turns = [t for t in held if t.info.kind != "translation"]
 
     def body(self, body: str | int) -> tuple[int, str]:
-        """See ``Source``."""
+        """See ``EdgeSource``."""
         known = {0: "SSB"} | {i: n for t in self._moves for i, n in ((t.info.relative_id, t.info.relative_to), (t.info.of_id, t.info.of))}
         centers = (center_of(t.info) for t in self._turns)
         known |= {center: name_of(center) for center in centers if center is not None and center not in known}
@@ -42,7 +44,7 @@ class TableSource:
         raise NoPathError(f"No table of {body!r} is among those given.{suggest(str(body).upper(), list(known.values()))}")
 
     def frame(self, body: int, frame: str | int | None) -> tuple[int, str]:
-        """See ``Source``."""
+        """See ``EdgeSource``."""
         known = dict(enumerate(INERTIAL, 1)) | {t.info.of_id: t.info.of for t in self._turns}
         if frame is None:
             own = [t.info for t in self._turns if center_of(t.info) == body and t.info.of_id > len(INERTIAL)]
@@ -58,11 +60,11 @@ class TableSource:
         raise NoPathError(f"No table of the frame {frame!r} is among those given.{suggest(str(frame).upper(), list(known.values()))}")
 
     def centered(self, body: int, frame: int) -> bool:
-        """See ``Source``."""
+        """See ``EdgeSource``."""
         return any(t.info.of_id == frame and center_of(t.info) in (None, body) for t in self._turns)
 
     def base(self, frame: int) -> tuple[int, str]:
-        """See ``Source``."""
+        """See ``EdgeSource``."""
         info = next((t.info for t in self._turns if t.info.of_id == frame), None)
         if info is None:
             raise NoPathError(
@@ -71,7 +73,7 @@ class TableSource:
         return info.relative_id, info.relative_to
 
     def chain(self, body: int, there: Collection[int]) -> list[int]:
-        """See ``Source``: the shortest way along tables to a body that is there."""
+        """See ``EdgeSource``: the shortest way along tables to a body that is there."""
         ways = [[body]]
         for way in ways:  # which grows: breadth first
             if len(way) > 1 and way[-1] in there:
@@ -80,7 +82,7 @@ class TableSource:
         return ways[-1]
 
     def translation(self, target: int, center: int) -> Edge:
-        """See ``Source``."""
+        """See ``EdgeSource``."""
         for table in self._moves:
             if (table.info.of_id, table.info.relative_id) == (target, center):
                 return table
@@ -90,12 +92,12 @@ class TableSource:
         )
 
     def orientation(self, frame: tuple[int, str], base: tuple[int, str]) -> Edge:
-        """See ``Source``."""
+        """See ``EdgeSource``."""
         for table in self._turns:
             if (table.info.of_id, table.info.relative_id) == (frame[0], base[0]):
                 return table
             if isinstance(table, FixedFrame) and (table.info.relative_id, table.info.of_id) == (frame[0], base[0]):
-                return _turned_round(table)
+                return table.inverted()
         raise NoPathError(f"No table orients {frame[1]} relative to {base[1]} among those given.")
 
 
@@ -104,9 +106,38 @@ def center_of(info: Info) -> int | None:
     return CENTERS.get(info.of_id) if info.center is None else info.center
 
 
-def _turned_round(edge: FixedFrame) -> FixedFrame:
-    """Return the edge of the base relative to the frame."""
-    info = edge.info
-    pose: Transform = edge.transform.inverse()
-    facts = {"of": info.relative_to, "of_id": info.relative_id, "relative_to": info.of, "relative_id": info.of_id, "axes": info.of}
-    return FixedFrame(pose, Info(**{**info.__dict__, **facts, "center": None}))
+def place_tables(builder: TreeInMaking, tables: Any, *, body: str | int, frame: str | int | None) -> str:
+    """Find or add the frame of a body in a builder, from tables; see ``TreeBuilder.add_spice``.
+
+    Args:
+        builder: The builder.
+        tables: Tables by name, one after the other, or one alone.
+        body: As in ``TreeBuilder.add_spice``.
+        frame: Likewise.
+
+    Raises:
+        EdgeError: If there are no tables.
+    """
+    held = [tables] if hasattr(tables, "info") else tables
+    if not isinstance(held, (Mapping, Sequence)) or isinstance(held, (str, bytes)) or not held:
+        raise EdgeError(f"add_spice takes jf.spice.Kernels or tables made by them, found {type(tables).__name__}: {tables!r}")
+    return place(builder, TableSource(held), body, frame)
+
+
+@jax.tree_util.register_pytree_with_keys_class
+class Tables(dict[str, Any]):
+    """Tables by name, as ``jf.spice.load`` returns them: a dict that can be given to ``TreeBuilder.add_spice``."""
+
+    def add_to_tree(self, builder: TreeInMaking, *, body: str | int, frame: str | int | None) -> str:
+        """Find or add the frame of a body in a builder, from these tables; see ``TreeBuilder.add_spice``."""
+        return place_tables(builder, self, body=body, frame=frame)
+
+    def tree_flatten_with_keys(self) -> tuple[list[tuple[Any, Any]], tuple[str, ...]]:
+        """Return the tables by name, in the order of the names, as JAX does for a dict."""
+        names = tuple(sorted(self))
+        return [(jax.tree_util.DictKey(name), self[name]) for name in names], names
+
+    @classmethod
+    def tree_unflatten(cls, names: tuple[str, ...], tables: Iterable[Any]) -> "Tables":
+        """Return the tables of these names."""
+        return cls(zip(names, tables, strict=True))
