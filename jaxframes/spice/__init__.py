@@ -1,9 +1,9 @@
-"""SPICE: kernels become tables, tables become edges. The only room that reads kernels; saved tables need none.
+"""SPICE: kernels become tables, tables become edges. The only layer that reads kernels; saved tables need none.
 
 Kernels are read by spiceypy in a process of its own, so the caller's kernel pool is never touched.
 """
 
-from jaxframes.spice.accuracy import compare
+from jaxframes.spice.comparison import compare
 from jaxframes.spice.kernels import Kernels
 from jaxframes.spice.options import Tolerance
 from jaxframes.spice.reading.kernel_files import find_kernels

@@ -1,21 +1,15 @@
-"""Tables that are not fitted against CSPICE, while they are made: the worst differences at some hundred epochs, for the report."""
+"""Accuracy of tables that are extracted, measured against CSPICE while they are made: the worst differences at some hundred epochs."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jaxframes.errors import TableError
 from jaxframes.numerics import host_quaternions
-from jaxframes.spice.kernels import Kernels
+from jaxframes.spice.reading.pool import KernelPool
 from jaxframes.spice.reading.process import CspiceError
 from jaxframes.tables import host_evaluate
-from jaxframes.tables.records import METRES, HostRecordTable
-
-if TYPE_CHECKING:
-    from jaxframes.spice.kernels import Kernels
+from jaxframes.tables.records import HostRecordTable
 
 Measured = tuple[tuple[str, float], ...]
 EPOCHS = 200
@@ -25,7 +19,7 @@ CENTURY = 36525 * 86400.0
 
 
 def positions(
-    kernels: "Kernels",
+    pool: KernelPool,
     of: int,
     relative: int,
     axes: str,
@@ -36,7 +30,7 @@ def positions(
     """Return the worst errors of a translation, SI units.
 
     Args:
-        kernels: The kernels.
+        pool: The kernels.
         of: Id of the target.
         relative: Id of the center.
         axes: Name of the axes.
@@ -49,8 +43,7 @@ def positions(
         return host_evaluate.summed(record_tables, host_evaluate.since(times, reference))
 
     def cspice(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        states = kernels._process.call("states", of, relative, axes, times, doing="computing states to check a table") * METRES
-        return states[:, :3], states[:, 3:]
+        return pool.states(of, relative, axes, times, doing="computing states to check a table")
 
     try:
         times = _epochs(bounds)
@@ -60,12 +53,12 @@ def positions(
         slope = _slopes(middle, half, bounds, lambda t: table(t)[2], lambda t: cspice(t)[1])
     except CspiceError:  # of this table CSPICE itself says nothing: a leap-seconds kernel is missing, say
         return ()
-    found = [("position error, m", _largest(position - there)), ("velocity error, m/s", _largest(velocity - speed))]
+    found = [("position error, m", largest(position - there)), ("velocity error, m/s", largest(velocity - speed))]
     return (*found, *((f"acceleration error, m/s2 (differences of CSPICE's velocities, {h:.3g} s)", x) for x, h in slope))
 
 
-def turns(
-    kernels: "Kernels",
+def rotations(
+    pool: KernelPool,
     of: str,
     base: str,
     table: Callable[[np.ndarray], host_evaluate.Motion],
@@ -76,7 +69,7 @@ def turns(
     """Return the worst errors of an orientation, SI units; where CSPICE has no answer nothing is compared.
 
     Args:
-        kernels: The kernels.
+        pool: The kernels.
         of: Name of the frame.
         base: Name of the frame it is relative to.
         table: Evaluates the table at epochs.
@@ -86,7 +79,7 @@ def turns(
     """
 
     def cspice(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        matrices, rates = kernels._process.call("attitudes", of, base, times, doing="computing orientations to check a table")
+        matrices, rates = pool.attitudes_or_nan(of, base, times, doing="computing orientations to check a table")
         known = np.isfinite(matrices).all((1, 2))
         q = np.full((len(times), 4), np.nan)
         q[known] = host_quaternions.from_matrices(matrices[known]) if known.any() else q[known]
@@ -102,7 +95,7 @@ def turns(
 
 
 def angles(
-    kernels: "Kernels",
+    pool: KernelPool,
     of: str,
     base: str,
     records: HostRecordTable,
@@ -110,18 +103,18 @@ def angles(
     reference: int,
     bounds: tuple[Fraction, Fraction],
 ) -> Measured:
-    """Return the worst errors of three Euler angles; see ``turns``."""
+    """Return the worst errors of three Euler angles; see ``rotations``."""
 
     def table(times: np.ndarray) -> host_evaluate.Motion:
         return host_evaluate.euler(host_evaluate.summed([records], host_evaluate.since(times, reference)), placement)
 
-    return turns(kernels, of, base, table, _epochs(bounds), _records([records], reference, bounds), bounds)
+    return rotations(pool, of, base, table, _epochs(bounds), _records([records], reference, bounds), bounds)
 
 
 def knots(
-    kernels: "Kernels", of: str, base: str, records: HostRecordTable, mode: str, reference: int, bounds: tuple[Fraction, Fraction]
+    pool: KernelPool, of: str, base: str, records: HostRecordTable, mode: str, reference: int, bounds: tuple[Fraction, Fraction]
 ) -> Measured:
-    """Return the worst errors of knots; see ``turns``."""
+    """Return the worst errors of knots; see ``rotations``."""
     rows = records.arrays["rows"]
     middle = rows[:, -3] + rows[:, -2] + rows[:, -1] / 2 + reference
     half = rows[:, -1] / 2
@@ -135,14 +128,14 @@ def knots(
     def table(times: np.ndarray) -> host_evaluate.Motion:
         return host_evaluate.knots(records, host_evaluate.since(times, reference), mode)
 
-    return turns(kernels, of, base, table, times, (middle[picked], half[picked]), bounds)
+    return rotations(pool, of, base, table, times, (middle[picked], half[picked]), bounds)
 
 
-def model(kernels: "Kernels", of: str, base: str, arrays: dict[str, np.ndarray]) -> Measured:
-    """Return the worst errors of the analytic model of a text PCK within fifty years of J2000; see ``turns``."""
+def model(pool: KernelPool, of: str, base: str, arrays: dict[str, np.ndarray]) -> Measured:
+    """Return the worst errors of the analytic model of a text PCK within fifty years of J2000; see ``rotations``."""
     bounds = Fraction(-CENTURY / 2), Fraction(CENTURY / 2)
     records = np.random.default_rng(5).uniform(-CENTURY / 2, CENTURY / 2, SLOPES), np.full(SLOPES, 16384.0)
-    found = turns(kernels, of, base, lambda times: host_evaluate.model(arrays, times), _epochs(bounds), records, bounds)
+    found = rotations(pool, of, base, lambda times: host_evaluate.model(arrays, times), _epochs(bounds), records, bounds)
     return tuple((f"{name}, 1950 .. 2050", value) for name, value in found)
 
 
@@ -186,88 +179,6 @@ def differences(rates: Callable[[np.ndarray], np.ndarray], times: np.ndarray, h:
     return (v[0] - 8 * v[1] + 8 * v[2] - v[3]) / (12 * h[:, None])
 
 
-def _largest(vectors: np.ndarray) -> float:
+def largest(vectors: np.ndarray) -> float:
+    """Return the length of the longest of vectors [n, 3]."""
     return float(np.linalg.norm(vectors, axis=1).max())
-
-
-STEP = 512.0  # seconds, for models without records
-
-
-@dataclass(frozen=True)
-class Differences:
-    """The largest differences between a table and CSPICE.
-
-    Attributes:
-        value: Distance in m, or angle of the rotation between the two in rad.
-        rate: Difference of velocities in m/s, or of angular velocities in rad/s.
-        largest_value: Largest distance from the centre met, m; pi for orientations.
-        largest_rate: Largest speed met, m/s or rad/s.
-        acceleration: Difference of the table's accelerations from differences of CSPICE's rates over ``step``, m/s2 or rad/s2; NaN where
-            the coverage leaves no room for these.
-        largest_acceleration: Largest acceleration of the table met there.
-        step: Seconds between the rates that were subtracted: a 32nd of half a record, as a power of two.
-    """
-
-    value: float
-    rate: float
-    largest_value: float
-    largest_rate: float
-    acceleration: float = np.nan
-    largest_acceleration: float = np.nan
-    step: float = np.nan
-
-
-def compare(kernels: Kernels, table: Any, times: Any) -> Differences:
-    """Return the worst differences of a table from what CSPICE computes from kernels.
-
-    Args:
-        kernels: The kernels that the table was made of, open.
-        table: The table, or the model of a text PCK.
-        times: ET seconds within its coverage, [n]. Give whole seconds: both sides then mean the same instant, to the last bit.
-
-    Raises:
-        TableError: If it is no table, or there are no epochs.
-        SpiceError: If CSPICE has no answer for one of the epochs.
-    """
-    if not hasattr(table, "info") or not hasattr(table, "evaluate"):
-        raise TableError(f"{table!r} is no table to be compared.")
-    info, seconds = table.info, np.asarray(times, np.float64).reshape(-1)
-    if not len(seconds):
-        raise TableError(f"{table.describe()}: there are no epochs to compare at.")
-    value, rate, acceleration = (np.asarray(x, np.float64) for x in table.evaluate(seconds))
-
-    def cspice(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        if info.kind == "translation":
-            return kernels.states(target=info.of_id, center=info.relative_id, frame=info.axes, times=at, correction=info.correction)
-        return kernels.turns(frame=info.of, relative_to=info.relative_to, times=at)
-
-    there, speed = cspice(seconds)
-    if info.kind == "translation":
-        apart, size = _largest(there - value), _largest(there)
-    else:
-        between = host_quaternions.vector_of(
-            host_quaternions.multiply(value, host_quaternions.conjugate(host_quaternions.from_matrices(there)))
-        )
-        apart, size = _largest(between), float(np.pi)
-    h = _step(table)
-    room = _room(table, seconds, h)
-    slopes = (np.nan, np.nan, h)
-    if room.any():
-        reference = differences(lambda at: cspice(at)[1], seconds[room], np.full(int(room.sum()), h))
-        slopes = (_largest(acceleration[room] - reference), _largest(acceleration[room]), h)
-    return Differences(apart, _largest(speed - rate), size, _largest(speed), *slopes)
-
-
-def _step(table: Any) -> float:
-    """Return the step for differences of rates."""
-    record_tables = getattr(table, "record_tables", ())
-    halves = [np.asarray(records.rows[:, -1], float) / (1 if records.series in (3, 6) else 2) for records in record_tables]
-    shortest = min((float(np.nanmedian(half)) for half in halves), default=STEP * 32)
-    return float(2.0 ** np.floor(np.log2(max(shortest / 32, 1e-3))))
-
-
-def _room(table: Any, times: np.ndarray, step: float) -> np.ndarray:
-    """Return around which epochs the table covers all that differences over a step are taken of."""
-    if not hasattr(table, "record_tables"):
-        return np.ones(len(times), bool)
-    return np.all([np.asarray(table.coverage_code(times + k * step)) == 0 for k in STENCIL], 0)

@@ -11,7 +11,7 @@ import pytest
 import jaxframes as jf
 from jaxframes import errors
 from jaxframes.numerics import host_quaternions
-from jaxframes.spice.reading import ck_segments
+from jaxframes.spice.reading import ck_segments, segments
 from tests.spice import orbits
 
 ORIGIN = 820497600.0
@@ -126,7 +126,7 @@ def test_gaps_are_kept_named_and_nan(tmp_path, cspice, dtype):
     broken = edge.replace(
         record_tables=(dataclasses.replace(edge.record_tables[0], rows=edge.record_tables[0].rows.at[2, 3].set(jnp.nan)),)
     )
-    assert any("legs[0].rows, is not finite" in line for line in tree.with_edge("craft", broken).check(state))
+    assert any("record_tables[0].rows, is not finite" in line for line in tree.with_edge("craft", broken).check(state))
 
 
 @pytest.mark.float64
@@ -215,7 +215,7 @@ def test_later_segments_win_and_gaps_fall_through(cspice, tmp_path, rng):
 def test_thousands_of_segments_with_gaps_take_no_longer_each():
     def run(begin, end):
         one, nothing = np.ones(1), np.zeros((1, 3))
-        segment = ck_segments.CkSegment("x.bc", 1, -77000, 1, 3, True, begin, end, 1, 2, "ONE")
+        segment = segments.CkSegment("x.bc", 1, -77000, 1, 3, True, begin, end, 1, 2, "ONE")
         return segment, ck_segments.Intervals(
             begin * one, end * one, np.array([[1.0, 0, 0, 0]]), nothing, nothing, nothing, one < 0, 0 * one
         )

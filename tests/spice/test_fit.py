@@ -5,8 +5,8 @@ import pytest
 
 import jaxframes as jf
 from jaxframes.errors import CoverageError, NoPathError, ToleranceError
-from jaxframes.spice.fitting.orientation import TurnModel
-from jaxframes.spice.fitting.translation_model import StateModel
+from jaxframes.spice.fitting.rotation_model import RotationModel
+from jaxframes.spice.fitting.translation_model import TranslationModel
 from tests.spice import orbits
 
 T = jf.spice.Tolerance
@@ -172,7 +172,7 @@ def test_why_cspice_has_no_orientation_is_passed_on(paths, tmp_path):
 def asked(monkeypatch):
     """How many epochs CSPICE was asked about by fits: their cost, whatever the machine."""
     counts = []
-    for model in (StateModel, TurnModel):
+    for model in (TranslationModel, RotationModel):
         original = model.sample
 
         def sample(self, times, original=original):

@@ -1,4 +1,4 @@
-"""Several Chebyshev record tables as one: each restricted to the records of the finest grid, in double-double, and added."""
+"""Composing Chebyshev record tables into one: each restricted to the records of the finest grid, in double-double, and added."""
 
 from collections.abc import Sequence
 from fractions import Fraction

@@ -1,4 +1,4 @@
-"""Records that are fitted: the stretches that they are laid on, their size, and the final check at epochs that no fit has seen."""
+"""Records that are fitted: the spans of time that they are laid on, their size, and the final check at epochs that no fit has seen."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ GRID = 3 * 8  # bytes of a record table's grid
 
 @dataclass(frozen=True)
 class Part:
-    """A stretch of time that is fitted by itself: nothing breaks within it.
+    """A span of time that is fitted by itself: nothing breaks within it.
 
     Attributes:
         start: Start, seconds past J2000 TDB.
