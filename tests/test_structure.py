@@ -10,7 +10,18 @@ import pytest
 PACKAGE = Path(__file__).resolve().parent.parent / "jaxframes"
 FILES = sorted(p for p in PACKAGE.rglob("*.py"))
 LAYERS = {
-    **{"_version": 0, "errors": 0, "staging": 1, "numerics": 2, "time": 3, "spatial": 4, "edges": 5, "tables": 6, "model": 6, "kinematics": 7},
+    **{
+        "_version": 0,
+        "errors": 0,
+        "staging": 1,
+        "numerics": 2,
+        "time": 3,
+        "spatial": 4,
+        "edges": 5,
+        "tables": 6,
+        "model": 6,
+        "kinematics": 7,
+    },
     **{"tree": 8, "spice": 9, "io": 9, "view": 9, "bulk": 9, "data": 9, "__init__": 10, "cli": 11, "__main__": 12},
 }
 LONGEST = 350
@@ -75,9 +86,63 @@ def test_unstable_parts_of_jax_are_named_in_one_folder():
     assert offenders == []
 
 
-def test_only_the_spice_layer_imports_spiceypy():
-    offenders = [name_of(p) for p in FILES if "spiceypy" in imports_of(p) and p.relative_to(PACKAGE).parts[0] != "spice"]
-    assert offenders == []
+def test_one_file_imports_spiceypy():
+    assert [name_of(p) for p in FILES if "spiceypy" in imports_of(p)] == [str(Path("spice", "reading", "worker.py"))]
+
+
+WITHOUT_CIRCLES = ("spice", "tables")
+"""Folders, or files, in which no files import each other in a circle; the empty name stands for the whole package."""
+
+
+def graph():
+    """The files of the package by module name, and which of them each imports: anywhere in it, for type checking too."""
+    modules = {".".join(("jaxframes", *p.relative_to(PACKAGE).with_suffix("").parts)).removesuffix(".__init__"): p for p in FILES}
+    found = {}
+    for module, path in modules.items():
+        found[module] = set()
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom):
+                names = [f"{node.module}.{a.name}" if f"{node.module}.{a.name}" in modules else node.module for a in node.names]
+            else:
+                names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            found[module] |= {name for name in names if name in modules and name != module}
+    return found
+
+
+def circles(imports):
+    """Files that can be reached from themselves, with what each of them imports of the others."""
+    reached = {module: set(targets) for module, targets in imports.items()}
+    grown = True
+    while grown:
+        grown = False
+        for own in reached.values():
+            more = set().union(*(reached[target] for target in own)) - own
+            own |= more
+            grown = grown or bool(more)
+    return {m: sorted(t for t in imports[m] if m in reached[t]) for m in imports if m in reached[m]}
+
+
+def test_no_files_import_each_other_in_a_circle():
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == {"b": ["c"], "c": ["b"]}
+    kept = tuple(f"jaxframes.{name}" if name else "jaxframes" for name in WITHOUT_CIRCLES)
+    assert {m: targets for m, targets in circles(graph()).items() if m.startswith(kept)} == {}
+
+
+WINGS = {"reading": 0, "options": 1, "assembly": 1, "accuracy": 1, "extraction": 2, "fitting": 3}
+"""Order of what is in spice/; everything else lies on top, and knows ``Kernels``."""
+
+
+def test_the_wings_of_spice_import_one_way():
+    for module, targets in graph().items():
+        own = wing(module)
+        above = [t for t in targets if own is not None and t.startswith("jaxframes.spice") and (wing(t) is None or wing(t) > own)]
+        assert above == [], f"{module} imports {above}, which lie above"
+
+
+def wing(module):
+    """Place of a file of spice/ among its wings, None for what lies on top of them all, or elsewhere."""
+    parts = module.split(".")
+    return WINGS.get(parts[2]) if parts[1:2] == ["spice"] and len(parts) > 2 else None
 
 
 def imports_of(path):

@@ -9,6 +9,7 @@ from jaxframes.spice.options import Tolerance
 from jaxframes.spice.reading.kernel_files import find_kernels
 from jaxframes.tables.attitude import AttitudeTable, CayleyTable
 from jaxframes.tables.crop_merge import crop, merge
+from jaxframes.tables.edge_source import Tables
 from jaxframes.tables.fixed import FixedFrame
 from jaxframes.tables.iau_model import IauOrientation
 from jaxframes.tables.orientation import OrientationTable
@@ -22,6 +23,7 @@ __all__ = [
     "IauOrientation",
     "Kernels",
     "OrientationTable",
+    "Tables",
     "Tolerance",
     "TranslationTable",
     "compare",

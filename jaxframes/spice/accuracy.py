@@ -86,9 +86,9 @@ def rotations(
         return q, rates
 
     q, w, _ = table(times)
-    turned, spin = cspice(times)
-    between = np.linalg.norm(host_quaternions.vector_of(host_quaternions.multiply(q, host_quaternions.conjugate(turned))), axis=1)
-    found = [("angle error, rad", between), ("rate error, rad/s", np.linalg.norm(w - spin, axis=1))]
+    true, true_rates = cspice(times)
+    between = np.linalg.norm(host_quaternions.vector_of(host_quaternions.multiply(q, host_quaternions.conjugate(true))), axis=1)
+    found = [("angle error, rad", between), ("rate error, rad/s", np.linalg.norm(w - true_rates, axis=1))]
     slope = _slopes(*records, bounds, lambda t: table(t)[2], lambda t: cspice(t)[1])
     out = [(name, float(np.nanmax(x))) for name, x in found if np.isfinite(x).any()]
     return (*out, *((f"angular acceleration error, rad/s2 (differences of CSPICE's rates, {h:.3g} s)", x) for x, h in slope))

@@ -1,4 +1,4 @@
-"""Kernels as the source of the edges that a tree is made of: exact where that is possible, fitted where it is not."""
+"""Kernels as the source of the edges of a tree: exact where that is possible, fitted where it is not."""
 
 import functools
 from collections.abc import Callable, Collection

@@ -44,8 +44,8 @@ class Kernels(Inventory):
     A process of its own holds the pool until the ``with`` block ends. What it makes are tables, which need no kernel afterwards.
     Later files win over earlier ones, and within a file later segments over earlier ones, as in SPICE, which takes segments as closed at
     both ends: the instant at which one that wins ends is still its own (and the nanosecond after it, so that epochs in two parts are
-    safe; within the spacing of SPICE's own epochs). Legs that are composed (``compose=True``) cannot hold two such rules at one instant:
-    there the instant belongs to the records that follow.
+    safe; within the spacing of SPICE's own epochs). Record tables that are composed
+    (``compose=True``) cannot hold two such rules at one instant: there the instant belongs to the records that follow.
 
     Example:
         >>> import jaxframes as jf
@@ -117,7 +117,7 @@ class Kernels(Inventory):
                 ``"XCN+S"``; ``"LT"`` and its kin for compatibility: SPICE's velocities are then not the derivatives of its positions,
                 while the table's are.
             compose: Whether to add up the record tables of an exact chain on one grid: one look-up instead of several, at the cost of one
-                more rounding of the position. Legs with velocities of their own (type 3) stay as they are.
+                more rounding of the position. Those with velocities of their own (type 3) stay as they are.
 
         Raises:
             UnknownBodyError: If a body is unknown.

@@ -97,11 +97,11 @@ def _knots(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, o
         u = (((dt_hi - row[-3]) + (dt_lo - row[-2])) + _outside(run, dt_hi, dt_lo)) / length
         start, axis, half = Quat(*row[:4]), V3(*row[4:7]), row[7]
         first, second = V3(*row[8:11]), V3(*row[11:14])
-        slerp = quat_mul(_turned(axis, half * u), start)
+        slerp = quat_mul(_rotation_about(axis, half * u), start)
         if mode == "spice":
-            return _joined([slerp, first + (second - first) * u, (second - first) * (1 / length)], order)
+            return _as_array([slerp, first + (second - first) * u, (second - first) * (1 / length)], order)
         g, g1, g2 = _bubble(first, second, u, length)
-        return _joined(_cayley(g, g1, g2, slerp, axis * (half * 2 / length)), order)
+        return _as_array(_cayley(g, g1, g2, slerp, axis * (half * 2 / length)), order)
 
     return stage(work)(run, *evaluate.recast(hi, lo, run.record_tables[0].rows.dtype))
 
@@ -117,16 +117,16 @@ def _series(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, 
         spin = jnp.moveaxis(rows_at(spins, index), -1, 0)
         times = jnp.moveaxis(rows_at(records.rows[..., -3:], index), -1, 0)
         tau = (dt_hi - times[0]) + (dt_lo - times[1])
-        reference = quat_mul(_turned(V3(*spin[4:7]), spin[7] * tau), Quat(*spin[:4]))
+        reference = quat_mul(_rotation_about(V3(*spin[4:7]), spin[7] * tau), Quat(*spin[:4]))
         zero = V3(0.0, 0.0, 0.0)
         g, g1, g2 = (*(V3(*values[i : i + 3]) for i in range(0, len(values), 3)), zero, zero)[:3]
-        return _joined(_cayley(g, g1, g2, reference, V3(*spin[4:7]) * (spin[7] * 2)), order)
+        return _as_array(_cayley(g, g1, g2, reference, V3(*spin[4:7]) * (spin[7] * 2)), order)
 
     hi, lo = evaluate.recast(hi, lo, run.record_tables[0].rows.dtype)
     return stage(work)(run, *rest, hi, lo, evaluate.evaluate(run, hi, lo, order))
 
 
-def _joined(motion: Sequence[Any], order: int) -> jax.Array:
+def _as_array(motion: Sequence[Any], order: int) -> jax.Array:
     return assemble(tuple(c for group in motion[: order + 1] for c in group))
 
 
@@ -165,7 +165,7 @@ class AttitudeTable(Attitude):
 
 @family(static=("info",))
 class CayleyTable(Attitude):
-    """An attitude fitted to what CSPICE computes: the Cayley vector of the turn from a uniformly spinning reference, as Chebyshev series.
+    """An attitude fitted to what CSPICE computes: the Cayley vector from a uniformly spinning reference, as Chebyshev series.
 
     q = Cayley(g) exp(spin tau / 2) q_mid, tau from the middle of a record. No frame has a singularity here, and spinners keep low degrees.
 
@@ -197,7 +197,7 @@ def _outside(run: Run, dt_hi: jax.Array, dt_lo: jax.Array) -> jax.Array:
     return select((since >= 0) & (until >= 0), np.zeros((), dt_hi.dtype), np.array(np.nan, dt_hi.dtype))
 
 
-def _turned(axis: V3, half: Component) -> Quat:
+def _rotation_about(axis: V3, half: Component) -> Quat:
     """Return the rotation about a unit axis by twice an angle."""
     s, c = sin_cos(half)
     return Quat(c, *(axis * s))
@@ -221,8 +221,8 @@ def _cayley(g: V3, rate: V3, rate2: V3, reference: Quat, spin: V3) -> list[Any]:
     square = dot(g, g) + 1.0
     inverse = 1 / square
     root = jnp.sqrt(inverse)
-    turn = Quat(root, *(g * root))
+    rotation = Quat(root, *(g * root))
     own = (rate + cross(g, rate)) * (2 * inverse)
     own2 = (rate2 + cross(g, rate2)) * (2 * inverse) - own * (2 * dot(g, rate) * inverse)
-    carried = rotate(turn, spin)
-    return [quat_mul(turn, reference), own + carried, own2 + cross(own, carried)]
+    carried = rotate(rotation, spin)
+    return [quat_mul(rotation, reference), own + carried, own2 + cross(own, carried)]

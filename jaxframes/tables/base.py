@@ -1,4 +1,4 @@
-"""What all tables over time share: coverage, conversion to another dtype, and the evaluation of many tables as one edge."""
+"""The base of all tables over time: coverage, conversion to another dtype, and the evaluation of many tables as one edge."""
 
 import dataclasses
 from collections.abc import Hashable, Sequence

@@ -1,4 +1,4 @@
-"""Tables cut to a span and put together in time: the same records, so the same values."""
+"""Cropping tables to a span and merging them in time: the same records, so the same values."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -28,13 +28,15 @@ class TableSource(EdgeSource):
         strange = [t for t in held if not hasattr(t, "info")]
         if strange:
             raise EdgeError(f"add_spice takes jf.spice.Kernels or tables, found a {type(strange[0]).__name__}")
-        self._moves = [t for t in held if t.info.kind == "translation" and t.info.axes == "J2000"]
-        self._turns = [t for t in held if t.info.kind != "translation"]
+        self._translations = [t for t in held if t.info.kind == "translation" and t.info.axes == "J2000"]
+        self._orientations = [t for t in held if t.info.kind != "translation"]
 
     def body(self, body: str | int) -> tuple[int, str]:
         """See ``EdgeSource``."""
-        known = {0: "SSB"} | {i: n for t in self._moves for i, n in ((t.info.relative_id, t.info.relative_to), (t.info.of_id, t.info.of))}
-        centers = (center_of(t.info) for t in self._turns)
+        known = {0: "SSB"} | {
+            i: n for t in self._translations for i, n in ((t.info.relative_id, t.info.relative_to), (t.info.of_id, t.info.of))
+        }
+        centers = (center_of(t.info) for t in self._orientations)
         known |= {center: name_of(center) for center in centers if center is not None and center not in known}
         wanted = body.strip().upper() if isinstance(body, str) else body
         other = body_named(body) if isinstance(body, str) else None
@@ -45,9 +47,9 @@ class TableSource(EdgeSource):
 
     def frame(self, body: int, frame: str | int | None) -> tuple[int, str]:
         """See ``EdgeSource``."""
-        known = dict(enumerate(INERTIAL, 1)) | {t.info.of_id: t.info.of for t in self._turns}
+        known = dict(enumerate(INERTIAL, 1)) | {t.info.of_id: t.info.of for t in self._orientations}
         if frame is None:
-            own = [t.info for t in self._turns if center_of(t.info) == body and t.info.of_id > len(INERTIAL)]
+            own = [t.info for t in self._orientations if center_of(t.info) == body and t.info.of_id > len(INERTIAL)]
             if body < 10 or not own:
                 return J2000, "J2000"
             if len(own) > 1:
@@ -61,11 +63,11 @@ class TableSource(EdgeSource):
 
     def centered(self, body: int, frame: int) -> bool:
         """See ``EdgeSource``."""
-        return any(t.info.of_id == frame and center_of(t.info) in (None, body) for t in self._turns)
+        return any(t.info.of_id == frame and center_of(t.info) in (None, body) for t in self._orientations)
 
     def base(self, frame: int) -> tuple[int, str]:
         """See ``EdgeSource``."""
-        info = next((t.info for t in self._turns if t.info.of_id == frame), None)
+        info = next((t.info for t in self._orientations if t.info.of_id == frame), None)
         if info is None:
             raise NoPathError(
                 f"No table orients frame {INERTIAL[frame - 1]}: tables are in J2000 axes; ask for that, and turn with jf.edges.Fixed."
@@ -78,22 +80,22 @@ class TableSource(EdgeSource):
         for way in ways:  # which grows: breadth first
             if len(way) > 1 and way[-1] in there:
                 return way
-            ways += [[*way, t.info.relative_id] for t in self._moves if t.info.of_id == way[-1] and t.info.relative_id not in way]
+            ways += [[*way, t.info.relative_id] for t in self._translations if t.info.of_id == way[-1] and t.info.relative_id not in way]
         return ways[-1]
 
     def translation(self, target: int, center: int) -> Edge:
         """See ``EdgeSource``."""
-        for table in self._moves:
+        for table in self._translations:
             if (table.info.of_id, table.info.relative_id) == (target, center):
                 return table
-        held = "; ".join(f"{t.info.of} from {t.info.relative_to}" for t in self._moves) or "none"
+        held = "; ".join(f"{t.info.of} from {t.info.relative_to}" for t in self._translations) or "none"
         raise NoPathError(
             f"No table of {self.body(target)[1]!r} is among those given: none of body {target} from {center} in J2000 (there are: {held})."
         )
 
     def orientation(self, frame: tuple[int, str], base: tuple[int, str]) -> Edge:
         """See ``EdgeSource``."""
-        for table in self._turns:
+        for table in self._orientations:
             if (table.info.of_id, table.info.relative_id) == (frame[0], base[0]):
                 return table
             if isinstance(table, FixedFrame) and (table.info.relative_id, table.info.of_id) == (frame[0], base[0]):

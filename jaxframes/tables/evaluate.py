@@ -1,4 +1,4 @@
-"""Evaluating tables on the device: any batch of epochs to components, in blocks on CPU, with exact time derivatives.
+"""Evaluation of tables on the device: any batch of epochs to components, in blocks on CPU, with exact time derivatives.
 
 Why this shape. XLA:CPU keeps every step of a recurrence over a large batch in memory; blocks of some hundred epochs stay in cache
 (measured: four times faster). One gather takes a record's whole row; the block is then turned over so that each coefficient is
@@ -128,10 +128,10 @@ class _Evaluation(Operation):
         large = is_large(hi.shape, BLOCK) and self.blocks and may_block(hi)
         return self._computed(_in_blocks if large else _plain, *arrays)
 
-    def _computed(self, way: Callable[..., Values], *arrays: jax.Array) -> Values:
+    def _computed(self, evaluator: Callable[..., Values], *arrays: jax.Array) -> Values:
         run, hi, lo = self._taken(arrays)
         flat = (-1,) if run.count is None else (-1, run.count)
-        values = way(self.order, self.vectors, run, hi.reshape(flat), lo.reshape(flat))
+        values = evaluator(self.order, self.vectors, run, hi.reshape(flat), lo.reshape(flat))
         return tuple(v.reshape(hi.shape + ((3,) if self.vectors else ())) for v in values)
 
     def derivative(self, primals: Sequence[jax.Array], tangents: Sequence[jax.Array | None]) -> tuple[Values, Sequence[jax.Array | None]]:

@@ -1,4 +1,4 @@
-"""Frames that do not turn against each other, as edges that know which frames they are: fixed offsets, inertial frames."""
+"""Fixed frames: edges between frames at a constant rotation that know which frames they are (fixed offsets, inertial frames)."""
 
 from dataclasses import replace
 from typing import Any

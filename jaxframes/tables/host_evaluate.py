@@ -1,4 +1,4 @@
-"""Tables evaluated on the host, in float64: what is measured while they are made needs no compiled program."""
+"""Evaluation of tables on the host, in float64: what is measured while they are made needs no compiled program."""
 
 from collections.abc import Sequence
 
@@ -106,9 +106,9 @@ def model(arrays: dict[str, np.ndarray], times: np.ndarray) -> Motion:
     """Return the attitude of the analytic model of a text PCK; ``IauOrientation`` says how."""
     reference = arrays["reference"]
     past = host_two_part.add((times, np.zeros(len(times))), (np.full(len(times), -reference[0]), np.full(len(times), -reference[1])))
-    sums = [_turns(row, past) for row in arrays["polynomials"]]
+    sums = [_polynomial_angle(row, past) for row in arrays["polynomials"]]
     for phase, amplitude in zip(arrays["phases"], arrays["amplitudes"], strict=True):
-        angle, rate, rate2 = _turns(phase, past)
+        angle, rate, rate2 = _polynomial_angle(phase, past)
         s, c = np.sin(angle), np.cos(angle)
         sines = (s, c * rate, c * rate2 - s * rate * rate)
         cosines = (c, -s * rate, -s * rate2 - c * rate * rate)
@@ -120,7 +120,7 @@ def model(arrays: dict[str, np.ndarray], times: np.ndarray) -> Motion:
     return euler(angles, arrays["placement"])
 
 
-def _turns(terms: np.ndarray, past: host_two_part.Pair) -> list[np.ndarray]:
+def _polynomial_angle(terms: np.ndarray, past: host_two_part.Pair) -> list[np.ndarray]:
     """Return an angle of a polynomial in turns [terms, 2], and its derivatives, rad; whole turns are taken out before rounding."""
     century = 36525 * 86400.0
     product = host_two_part.multiply(past, (np.full_like(past[0], terms[1, 0]), np.full_like(past[0], terms[1, 1])))

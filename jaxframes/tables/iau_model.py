@@ -1,4 +1,4 @@
-"""The orientation of a planet or moon by its text PCK: pole, prime meridian and their periodic terms, evaluated under jit."""
+"""IAU orientation models of planets and moons (text PCK files): pole, prime meridian and their periodic terms, evaluated under jit."""
 
 import functools
 from typing import Any, ClassVar, Self
@@ -69,7 +69,7 @@ class IauOrientation(Edge):
     info: Info
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        """Return three turns: about z by ra + 90 deg, about x by 90 deg - dec, about z by the prime meridian."""
+        """Return three rotations: about z by ra + 90 deg, about x by 90 deg - dec, about z by the prime meridian."""
         if inputs.time is None:
             raise MissingInputError(f"{self.describe()} depends on time: give the state one, tree.state(time=...).")
         hi, lo = inputs.time

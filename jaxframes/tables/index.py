@@ -1,4 +1,4 @@
-"""Finding the record that serves an instant: one even grid where records are even, else cells and comparisons. On the host, exact."""
+"""Time index of a record table: an even grid, or cells and comparisons, by which an instant finds its record. On the host, exact."""
 
 from fractions import Fraction
 from typing import TypeAlias

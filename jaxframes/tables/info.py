@@ -1,4 +1,4 @@
-"""What a table knows about itself: bodies and frames, coverage, reference epoch, and the kernels it was made from."""
+"""Facts about a table: bodies and frames, coverage, reference epoch, and the kernels it was made from."""
 
 from dataclasses import asdict, dataclass
 from fractions import Fraction

@@ -36,7 +36,7 @@ class OrientationTable(Table):
     info: Info
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        """Return three turns, by phi about z, theta about x and psi about z."""
+        """Return three rotations, by phi about z, theta about x and psi about z."""
         placement = Quat(*parameters(self.placement, inputs.batch_rank))
         return euler_steps(placement, self.values(inputs, order))
 

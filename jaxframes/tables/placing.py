@@ -1,4 +1,4 @@
-"""Frames of a tree by SPICE ids: finding the one for a body and a frame, or hanging it where it belongs."""
+"""Placing frames in a tree by SPICE ids: finding the one for a body and a frame, or hanging it where it belongs."""
 
 import abc
 import contextlib

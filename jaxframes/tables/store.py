@@ -1,4 +1,4 @@
-"""Tables on disk: one ``.npz`` without pickle, with a schema version and a checksum over the whole file.
+"""Saving and loading tables: one ``.npz`` without pickle, with a schema version and a checksum over the whole file.
 
 The file is an ordinary zip archive of ``.npy`` arrays and a JSON text. The SHA-256 of everything before it is the last 64 characters, as
 part of the archive's comment: no byte can change unnoticed, and NumPy alone can still read the arrays.

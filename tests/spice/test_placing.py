@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import jax
 import numpy as np
 import pytest
 
@@ -103,3 +104,28 @@ def test_a_known_frame_must_cover_the_span_asked_for(kernels):
     with pytest.raises(errors.CoverageError, match=r"frame 'EARTH BARYCENTER' is in the tree already"):
         builder.add_spice(kernels, body="EARTH", frame=1, start="2026-01-05", stop="2026-03-01")
     assert builder.names == names
+
+
+def test_loaded_tables_place_themselves_and_are_a_dict(links, itrf93, tmp_path):
+    jf.spice.save(tmp_path / "links.npz", {**links, "itrf93": itrf93})
+    loaded = jf.spice.load(tmp_path / "links.npz")
+    assert isinstance(loaded, jf.spice.Tables)
+    assert list(loaded) == [*links, "itrf93"]
+    for source in (loaded, dict(loaded), list(loaded.values()), tuple(loaded.values())):
+        builder = jf.TreeBuilder(root="SSB")
+        assert builder.add_spice(source, body="MOON", frame="ITRF93") == "ITRF93 @ MOON"
+        assert builder.names == ("SSB", "EARTH BARYCENTER", "MOON", "ITRF93 @ MOON")
+    alone = jf.TreeBuilder(root="EARTH")
+    assert alone.add_spice(loaded["moon<-earth"], body="MOON", frame="J2000") == "MOON"
+    # To JAX they are what a dict of them is.
+    plain = {name: loaded[name] for name in loaded}
+    assert isinstance(jax.tree.map(lambda x: x, loaded), jf.spice.Tables)
+    for (a, x), (b, y) in zip(*(jax.tree_util.tree_leaves_with_path(t) for t in (loaded, plain)), strict=True):
+        assert a == b
+        assert x is y
+
+
+@pytest.mark.parametrize("nothing", [{}, [], (), "MOON", 301, None])
+def test_what_holds_no_tables_is_refused(nothing):
+    with pytest.raises(errors.EdgeError, match=r"add_spice takes jf\.spice\.Kernels or tables made by them, found"):
+        jf.TreeBuilder(root="SSB").add_spice(nothing, body="MOON")

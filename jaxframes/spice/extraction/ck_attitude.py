@@ -116,9 +116,9 @@ def _rotated(intervals: Intervals, by: np.ndarray | None) -> Intervals:
     """Return intervals in another base frame."""
     if by is None:
         return intervals
-    turn = np.broadcast_to(by, intervals.q.shape)
-    moved, w0, w1 = (host_quaternions.rotate(turn, v) for v in (intervals.turn, intervals.w0, intervals.w1))
-    return replace(intervals, q=host_quaternions.multiply(turn, intervals.q), turn=moved, w0=w0, w1=w1)
+    rotation = np.broadcast_to(by, intervals.q.shape)
+    moved, w0, w1 = (host_quaternions.rotate(rotation, v) for v in (intervals.rotation_vector, intervals.w0, intervals.w1))
+    return replace(intervals, q=host_quaternions.multiply(rotation, intervals.q), rotation_vector=moved, w0=w0, w1=w1)
 
 
 def _dated(intervals: Intervals, clock: Clock) -> tuple[Intervals, host_two_part.Pair, host_two_part.Pair]:
@@ -147,7 +147,7 @@ def _within(
 
 
 def _straight(intervals: Intervals, clock: Clock) -> Intervals | None:
-    """Return intervals cut so short that a turn at an even rate in ticks is one in TDB too; None where they are short enough.
+    """Return intervals cut so short that a rotation at an even rate in ticks is one in TDB too; None where they are short enough.
 
     Clocks count TT, against which TDB wavers by K sin(M) over the year: over a day of a fast spinner that bends 2e-8 rad.
     """
@@ -157,7 +157,7 @@ def _straight(intervals: Intervals, clock: Clock) -> Intervals | None:
     width = intervals.stop - intervals.start
     ends = np.array([intervals.start[0], intervals.stop[-1]])
     tick = float(np.diff(clock.seconds_of(ends)[0])[0] / (ends[1] - ends[0]))
-    bend = np.linalg.norm(intervals.turn, axis=1) * width * tick * (k * rate * rate / 8)
+    bend = np.linalg.norm(intervals.rotation_vector, axis=1) * width * tick * (k * rate * rate / 8)
     pieces = np.ceil(np.sqrt(bend / BEND)).astype(int).clip(1)
     if (pieces == 1).all():
         return None
@@ -174,13 +174,13 @@ def _rows(
     """Return where each row starts to serve, seconds past the reference, the rows, and the gaps (ET)."""
     past = host_two_part.add(t0, (np.full(len(t0[0]), -float(reference)), np.zeros(len(t0[0]))))
     length = host_two_part.add(t1, (-t0[0], -t0[1]))[0]
-    half = np.linalg.norm(intervals.turn, axis=1) / 2
-    axis = np.where(half[:, None] > 0, intervals.turn / np.where(half > 0, 2 * half, 1.0)[:, None], np.array([1.0, 0.0, 0.0]))
-    mean = intervals.turn / length[:, None]
+    half = np.linalg.norm(intervals.rotation_vector, axis=1) / 2
+    axis = np.where(half[:, None] > 0, intervals.rotation_vector / np.where(half > 0, 2 * half, 1.0)[:, None], np.array([1.0, 0.0, 0.0]))
+    mean = intervals.rotation_vector / length[:, None]
     if ck == "spice":
         vectors = (intervals.w0, intervals.w1)
     else:
-        uneven = ~intervals.even[:, None]  # an even spin is as it is, in whatever seconds the kernel's rate may be
+        uneven = ~intervals.even[:, None]  # an even rotation is as it is, in whatever seconds the kernel's rate may be
         vectors = tuple((w - mean) * (length[:, None] / 2) * uneven for w in (intervals.w0, intervals.w1))
     rows = np.concatenate([intervals.q, axis, half[:, None], *vectors, past[0][:, None], past[1][:, None], length[:, None]], 1)
     touch = np.append(False, np.abs(t0[0][1:] - t1[0][:-1]) <= 2 * float(GRACE))
@@ -201,9 +201,9 @@ def _rows(
 def _measured(intervals: Intervals, t0: host_two_part.Pair, t1: host_two_part.Pair) -> tuple[tuple[str, float], ...]:
     """Return how far the kernel's own rates are from the derivative of slerp, and its jumps where intervals touch."""
     length = (t1[0] - t0[0]) + (t1[1] - t0[1])
-    mean = intervals.turn / length[:, None]
+    mean = intervals.rotation_vector / length[:, None]
     apart = max(float(np.linalg.norm(w - mean, axis=1).max()) for w in (intervals.w0, intervals.w1))
-    end = host_quaternions.multiply(host_quaternions.turned(intervals.turn), intervals.q)
+    end = host_quaternions.multiply(host_quaternions.turned(intervals.rotation_vector), intervals.q)
     touch = np.abs(t0[0][1:] - t1[0][:-1]) <= 2 * float(GRACE)
     gap = host_quaternions.vector_of(host_quaternions.multiply(intervals.q[1:], host_quaternions.conjugate(end[:-1])))[touch]
     step = (intervals.w0[1:] - intervals.w1[:-1])[touch]

@@ -1,4 +1,4 @@
-"""Orientations that are constant in time, by fixed offsets or between inertial frames; and what edges say that hold at every instant."""
+"""Orientations that are constant in time: frames at fixed offsets, inertial frames; and the facts of edges without an end."""
 
 import numpy as np
 

@@ -137,14 +137,14 @@ def _convert(times: np.ndarray, states: np.ndarray, middle: np.ndarray, radius: 
     place, rate = states[:, :1, :3].copy(), states[:, :1, 3:] * radius[:, None, None]
     since = (x - x[:, :1])[:, :, None]
     rest = (states[:, :, :3] - place) - rate * since
-    turn = states[:, :, 3:] * radius[:, None, None] - rate
+    rest_rates = states[:, :, 3:] * radius[:, None, None] - rate
     terms = (2 if hermite else 1) * x.shape[1]
     points = np.cos(np.pi * (np.arange(terms) + 0.5) / terms)
-    values = _newton(x, rest, turn if hermite else None, points)
+    values = _newton(x, rest, rest_rates if hermite else None, points)
     coefficients = _to_chebyshev(values)
     worst = 0.0
     if not hermite:
-        own = _newton(x, turn, None, points)
+        own = _newton(x, rest_rates, None, points)
         derivative = np.polynomial.chebyshev.chebval(points, np.polynomial.chebyshev.chebder(coefficients, axis=1).transpose(1, 0, 2))
         worst = float((np.linalg.norm(derivative.transpose(0, 2, 1) - own, axis=2) / radius[:, None]).max())
     coefficients[:, 0] += (place - rate * x[:, :1, None])[:, 0]

@@ -1,4 +1,4 @@
-"""C-kernel segments of types 1 to 3: as intervals in each of which the attitude turns about one axis."""
+"""C-kernel segments of types 1 to 3 as intervals in each of which the attitude turns about one axis."""
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
@@ -30,17 +30,17 @@ class Intervals:
         start: Encoded ticks [n].
         stop: Encoded ticks [n].
         q: Quaternion at the start [n, 4].
-        turn: Rotation vector over the interval, in o axes [n, 3].
+        rotation_vector: Rotation vector over the interval, in o axes [n, 3].
         w0: Angular velocity at the start, in o axes [n, 3].
         w1: Angular velocity at the end [n, 3].
-        even: Whether the turn is at an even rate by definition [n]: type 2, all of whose attitudes the kernel gives.
+        even: Whether the rotation is at an even rate by definition [n]: type 2, all of whose attitudes the kernel gives.
         rank: Place of the segment in order of loading [n]: of two intervals that meet, the higher serves the instant at which they do.
     """
 
     start: np.ndarray
     stop: np.ndarray
     q: np.ndarray
-    turn: np.ndarray
+    rotation_vector: np.ndarray
     w0: np.ndarray
     w1: np.ndarray
     even: np.ndarray
@@ -55,10 +55,10 @@ class Intervals:
         width = self.stop - self.start
         a, b = np.maximum(low, self.start), np.minimum(high, self.stop)
         u0, u1 = ((a - self.start) / width)[:, None], ((b - self.start) / width)[:, None]
-        q = host_quaternions.multiply(host_quaternions.turned(self.turn * u0), self.q)
+        q = host_quaternions.multiply(host_quaternions.turned(self.rotation_vector * u0), self.q)
         slope = self.w1 - self.w0
         w0, w1 = self.w0 + slope * u0, self.w0 + slope * u1
-        return type(self)(a, b, q, self.turn * (u1 - u0), w0, w1, self.even, self.rank)
+        return type(self)(a, b, q, self.rotation_vector * (u1 - u0), w0, w1, self.even, self.rank)
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
@@ -130,13 +130,13 @@ def read_intervals(pool: KernelPool, segment: CkSegment, seconds_a_tick: float, 
     else:
         joined = np.diff(ticks) * seconds_a_tick <= float(bridge or 0.0)
     q = _poses(segment, packets[:, :4])
-    turn = host_quaternions.vector_of(host_quaternions.multiply(q[1:], host_quaternions.conjugate(q[:-1])))
+    vector = host_quaternions.vector_of(host_quaternions.multiply(q[1:], host_quaternions.conjugate(q[:-1])))
     if segment.has_rates:
         w0, w1 = packets[:-1, 4:], packets[1:, 4:]
     else:
-        w0, w1 = _estimated(turn, np.diff(ticks) * seconds_a_tick, joined)
+        w0, w1 = _estimated(vector, np.diff(ticks) * seconds_a_tick, joined)
     even, rank = np.zeros(n - 1, bool), np.zeros(n - 1)
-    return Intervals(ticks[:-1], ticks[1:], q[:-1], turn, w0, w1, even, rank).take(np.flatnonzero(joined))
+    return Intervals(ticks[:-1], ticks[1:], q[:-1], vector, w0, w1, even, rank).take(np.flatnonzero(joined))
 
 
 def _spins(segment: CkSegment, words: np.ndarray) -> Intervals:
@@ -148,8 +148,8 @@ def _spins(segment: CkSegment, words: np.ndarray) -> Intervals:
     start, stop, rate = words[8 * n : 9 * n], words[9 * n : 10 * n], packets[:, 4:7]
     if not (stop > start).all() or not (start[1:] >= stop[:-1]).all():
         raise damaged(segment, "its intervals are not in order")
-    turn = rate * ((stop - start) * packets[:, 7])[:, None]
-    return Intervals(start, stop, _poses(segment, packets[:, :4]), turn, rate, rate, np.ones(n, bool), np.zeros(n))
+    vector = rate * ((stop - start) * packets[:, 7])[:, None]
+    return Intervals(start, stop, _poses(segment, packets[:, :4]), vector, rate, rate, np.ones(n, bool), np.zeros(n))
 
 
 def _poses(segment: CkSegment, spice: np.ndarray) -> np.ndarray:
@@ -160,9 +160,9 @@ def _poses(segment: CkSegment, spice: np.ndarray) -> np.ndarray:
     return host_quaternions.conjugate(spice / size)
 
 
-def _estimated(turn: np.ndarray, length: np.ndarray, joined: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _estimated(vector: np.ndarray, length: np.ndarray, joined: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return rates at the ends of intervals where the kernel has none: the mean rates on both sides of a knot, weighted (parabolas)."""
-    mean = turn / length[:, None]
+    mean = vector / length[:, None]
     at_start, at_end = mean.copy(), mean.copy()
     both = np.flatnonzero(joined[1:] & joined[:-1])
     h0, h1 = length[both, None], length[both + 1, None]

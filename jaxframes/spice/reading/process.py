@@ -1,4 +1,4 @@
-"""The caller's side of the process that reads kernels: start it, ask it, end it."""
+"""The process that holds a kernel pool, from the caller's side: start it, ask it, end it."""
 
 import contextlib
 import subprocess

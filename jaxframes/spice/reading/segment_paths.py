@@ -1,4 +1,4 @@
-"""From body to body and from frame to frame through the segments loaded, with errors that say why there is no way."""
+"""Chains of segments from body to body, and the pieces that orient a frame, with errors that say why there are none."""
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction

@@ -1,4 +1,4 @@
-"""The instant at which one segment hands over to another: SPICE's segments are closed, and the one that wins keeps it."""
+"""Segments closed at both ends: of two that meet, the one that wins keeps the instant at which they do, as in SPICE."""
 
 import numpy as np
 import pytest
