@@ -70,21 +70,6 @@ def test_imports_point_one_way(path):
         assert LAYERS[room] < own or room == parts[0], f"{name_of(path)}:{line} imports {'.'.join(target)}, which lies above"
 
 
-NOT_YET = ("spice", "tables")
-"""Rooms in which files still import each other in circles."""
-
-
-def test_no_files_import_each_other_in_circles():
-    """Counting imports inside functions and under TYPE_CHECKING too."""
-    files = {path.relative_to(PACKAGE).with_suffix("").parts: path for path in FILES}
-    files = {parts[:-1] if parts[-1] == "__init__" else parts: path for parts, path in files.items() if parts[0] not in NOT_YET}
-    ahead = {parts: {target for _, target in imported(path) if target in files and target != parts} for parts, path in files.items()}
-    while leaves := [parts for parts, needs in ahead.items() if not needs & ahead.keys()]:
-        for parts in leaves:
-            del ahead[parts]
-    assert not ahead, sorted("/".join(parts) for parts in ahead)
-
-
 @pytest.mark.parametrize("path", FILES, ids=name_of)
 def test_every_module_says_what_it_is_for(path):
     assert ast.get_docstring(ast.parse(path.read_text())), f"{name_of(path)} has no docstring"
@@ -109,9 +94,53 @@ def test_unstable_parts_of_jax_are_named_in_one_folder():
     assert offenders == []
 
 
-def test_only_the_spice_layer_imports_spiceypy():
-    offenders = [name_of(p) for p in FILES if "spiceypy" in imports_of(p) and p.relative_to(PACKAGE).parts[0] != "spice"]
-    assert offenders == []
+def test_one_file_imports_spiceypy():
+    assert [name_of(p) for p in FILES if "spiceypy" in imports_of(p)] == [str(Path("spice", "reading", "worker.py"))]
+
+
+def graph():
+    """The files of the package by module name, and which of them each imports: anywhere in it, for type checking too."""
+    by_parts = {path.relative_to(PACKAGE).with_suffix("").parts: path for path in FILES}
+    by_parts = {parts[:-1] if parts[-1] == "__init__" else parts: path for parts, path in by_parts.items()}
+    return {
+        ".".join(("jaxframes", *parts)): {".".join(("jaxframes", *t)) for _, t in imported(path) if t in by_parts and t != parts}
+        for parts, path in by_parts.items()
+    }
+
+
+def circles(imports):
+    """Files that can be reached from themselves, with what each of them imports of the others."""
+    reached = {module: set(targets) for module, targets in imports.items()}
+    grown = True
+    while grown:
+        grown = False
+        for own in reached.values():
+            more = set().union(*(reached[target] for target in own)) - own
+            own |= more
+            grown = grown or bool(more)
+    return {m: sorted(t for t in imports[m] if m in reached[t]) for m in imports if m in reached[m]}
+
+
+def test_no_files_import_each_other_in_a_circle():
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == {"b": ["c"], "c": ["b"]}
+    assert circles(graph()) == {}
+
+
+WINGS = {"reading": 0, "options": 1, "assembly": 1, "accuracy": 1, "extraction": 2, "fitting": 3}
+"""Order of what is in spice/; everything else lies on top, and knows ``Kernels``."""
+
+
+def test_the_wings_of_spice_import_one_way():
+    for module, targets in graph().items():
+        own = wing(module)
+        above = [t for t in targets if own is not None and t.startswith("jaxframes.spice") and (wing(t) is None or wing(t) > own)]
+        assert above == [], f"{module} imports {above}, which lie above"
+
+
+def wing(module):
+    """Place of a file of spice/ among its wings, None for what lies on top of them all, or elsewhere."""
+    parts = module.split(".")
+    return WINGS.get(parts[2]) if parts[1:2] == ["spice"] and len(parts) > 2 else None
 
 
 def imports_of(path):

@@ -1,18 +1,15 @@
-"""Tables that are not fitted against CSPICE, while they are made: the worst differences at some hundred epochs, for the report."""
+"""Accuracy of tables that are extracted, measured against CSPICE while they are made: the worst differences at some hundred epochs."""
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jaxframes.numerics import host_quaternions
+from jaxframes.spice.reading.pool import KernelPool
 from jaxframes.spice.reading.process import CspiceError
 from jaxframes.tables import host_evaluate
-from jaxframes.tables.records import METRES, HostLeg
-
-if TYPE_CHECKING:
-    from jaxframes.spice.kernels import Kernels
+from jaxframes.tables.records import HostRecordTable
 
 Measured = tuple[tuple[str, float], ...]
 EPOCHS = 200
@@ -22,32 +19,37 @@ CENTURY = 36525 * 86400.0
 
 
 def positions(
-    kernels: "Kernels", of: int, relative: int, axes: str, legs: Sequence[HostLeg], reference: int, bounds: tuple[Fraction, Fraction]
+    pool: KernelPool,
+    of: int,
+    relative: int,
+    axes: str,
+    record_tables: Sequence[HostRecordTable],
+    reference: int,
+    bounds: tuple[Fraction, Fraction],
 ) -> Measured:
     """Return the worst errors of a translation, SI units.
 
     Args:
-        kernels: The kernels.
+        pool: The kernels.
         of: Id of the target.
         relative: Id of the center.
         axes: Name of the axes.
-        legs: Legs in metres.
+        record_tables: Record tables in metres.
         reference: Their reference, seconds past J2000 TDB.
         bounds: The span.
     """
 
     def table(times: np.ndarray) -> host_evaluate.Motion:
-        return host_evaluate.summed(legs, host_evaluate.since(times, reference))
+        return host_evaluate.summed(record_tables, host_evaluate.since(times, reference))
 
     def cspice(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        states = kernels._process.call("states", of, relative, axes, times, doing="computing states to check a table") * METRES
-        return states[:, :3], states[:, 3:]
+        return pool.states(of, relative, axes, times, doing="computing states to check a table")
 
     try:
         times = _epochs(bounds)
         position, velocity, _ = table(times)
         there, speed = cspice(times)
-        middle, half = _records(legs, reference, bounds)
+        middle, half = _records(record_tables, reference, bounds)
         slope = _slopes(middle, half, bounds, lambda t: table(t)[2], lambda t: cspice(t)[1])
     except CspiceError:  # of this table CSPICE itself says nothing: a leap-seconds kernel is missing, say
         return ()
@@ -55,8 +57,8 @@ def positions(
     return (*found, *((f"acceleration error, m/s2 (differences of CSPICE's velocities, {h:.3g} s)", x) for x, h in slope))
 
 
-def turns(
-    kernels: "Kernels",
+def rotations(
+    pool: KernelPool,
     of: str,
     base: str,
     table: Callable[[np.ndarray], host_evaluate.Motion],
@@ -67,7 +69,7 @@ def turns(
     """Return the worst errors of an orientation, SI units; where CSPICE has no answer nothing is compared.
 
     Args:
-        kernels: The kernels.
+        pool: The kernels.
         of: Name of the frame.
         base: Name of the frame it is relative to.
         table: Evaluates the table at epochs.
@@ -77,35 +79,43 @@ def turns(
     """
 
     def cspice(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        matrices, rates = kernels._process.call("attitudes", of, base, times, doing="computing orientations to check a table")
+        matrices, rates = pool.attitudes_or_nan(of, base, times, doing="computing orientations to check a table")
         known = np.isfinite(matrices).all((1, 2))
         q = np.full((len(times), 4), np.nan)
         q[known] = host_quaternions.from_matrices(matrices[known]) if known.any() else q[known]
         return q, rates
 
     q, w, _ = table(times)
-    turned, spin = cspice(times)
-    between = np.linalg.norm(host_quaternions.vector_of(host_quaternions.multiply(q, host_quaternions.conjugate(turned))), axis=1)
-    found = [("angle error, rad", between), ("rate error, rad/s", np.linalg.norm(w - spin, axis=1))]
+    true, true_rates = cspice(times)
+    between = np.linalg.norm(host_quaternions.vector_of(host_quaternions.multiply(q, host_quaternions.conjugate(true))), axis=1)
+    found = [("angle error, rad", between), ("rate error, rad/s", np.linalg.norm(w - true_rates, axis=1))]
     slope = _slopes(*records, bounds, lambda t: table(t)[2], lambda t: cspice(t)[1])
     out = [(name, float(np.nanmax(x))) for name, x in found if np.isfinite(x).any()]
     return (*out, *((f"angular acceleration error, rad/s2 (differences of CSPICE's rates, {h:.3g} s)", x) for x, h in slope))
 
 
 def angles(
-    kernels: "Kernels", of: str, base: str, leg: HostLeg, placement: np.ndarray, reference: int, bounds: tuple[Fraction, Fraction]
+    pool: KernelPool,
+    of: str,
+    base: str,
+    records: HostRecordTable,
+    placement: np.ndarray,
+    reference: int,
+    bounds: tuple[Fraction, Fraction],
 ) -> Measured:
-    """Return the worst errors of three Euler angles; see ``turns``."""
+    """Return the worst errors of three Euler angles; see ``rotations``."""
 
     def table(times: np.ndarray) -> host_evaluate.Motion:
-        return host_evaluate.euler(host_evaluate.summed([leg], host_evaluate.since(times, reference)), placement)
+        return host_evaluate.euler(host_evaluate.summed([records], host_evaluate.since(times, reference)), placement)
 
-    return turns(kernels, of, base, table, _epochs(bounds), _records([leg], reference, bounds), bounds)
+    return rotations(pool, of, base, table, _epochs(bounds), _records([records], reference, bounds), bounds)
 
 
-def knots(kernels: "Kernels", of: str, base: str, leg: HostLeg, mode: str, reference: int, bounds: tuple[Fraction, Fraction]) -> Measured:
-    """Return the worst errors of knots; see ``turns``."""
-    rows = leg.arrays["rows"]
+def knots(
+    pool: KernelPool, of: str, base: str, records: HostRecordTable, mode: str, reference: int, bounds: tuple[Fraction, Fraction]
+) -> Measured:
+    """Return the worst errors of knots; see ``rotations``."""
+    rows = records.arrays["rows"]
     middle = rows[:, -3] + rows[:, -2] + rows[:, -1] / 2 + reference
     half = rows[:, -1] / 2
     real = np.isfinite(half) & (middle - half >= float(bounds[0])) & (middle + half <= float(bounds[1]))
@@ -116,16 +126,16 @@ def knots(kernels: "Kernels", of: str, base: str, leg: HostLeg, mode: str, refer
     picked = rng.choice(np.flatnonzero(real), SLOPES) if real.any() else np.zeros(0, int)
 
     def table(times: np.ndarray) -> host_evaluate.Motion:
-        return host_evaluate.knots(leg, host_evaluate.since(times, reference), mode)
+        return host_evaluate.knots(records, host_evaluate.since(times, reference), mode)
 
-    return turns(kernels, of, base, table, times, (middle[picked], half[picked]), bounds)
+    return rotations(pool, of, base, table, times, (middle[picked], half[picked]), bounds)
 
 
-def model(kernels: "Kernels", of: str, base: str, arrays: dict[str, np.ndarray]) -> Measured:
-    """Return the worst errors of the analytic model of a text PCK within fifty years of J2000; see ``turns``."""
+def model(pool: KernelPool, of: str, base: str, arrays: dict[str, np.ndarray]) -> Measured:
+    """Return the worst errors of the analytic model of a text PCK within fifty years of J2000; see ``rotations``."""
     bounds = Fraction(-CENTURY / 2), Fraction(CENTURY / 2)
     records = np.random.default_rng(5).uniform(-CENTURY / 2, CENTURY / 2, SLOPES), np.full(SLOPES, 16384.0)
-    found = turns(kernels, of, base, lambda times: host_evaluate.model(arrays, times), _epochs(bounds), records, bounds)
+    found = rotations(pool, of, base, lambda times: host_evaluate.model(arrays, times), _epochs(bounds), records, bounds)
     return tuple((f"{name}, 1950 .. 2050", value) for name, value in found)
 
 
@@ -136,9 +146,9 @@ def _epochs(bounds: tuple[Fraction, Fraction]) -> np.ndarray:
     return np.clip(np.concatenate([[low, high], np.random.default_rng(6).uniform(low, high, EPOCHS)]), low, high)
 
 
-def _records(legs: Sequence[HostLeg], reference: int, bounds: tuple[Fraction, Fraction]) -> tuple[np.ndarray, np.ndarray]:
-    """Return middles and half lengths of some records of the leg that has most of them."""
-    rows = max(legs, key=lambda leg: len(leg.arrays["rows"])).arrays["rows"]
+def _records(record_tables: Sequence[HostRecordTable], reference: int, bounds: tuple[Fraction, Fraction]) -> tuple[np.ndarray, np.ndarray]:
+    """Return middles and half lengths of some records of the record table that has most of them."""
+    rows = max(record_tables, key=lambda records: len(records.arrays["rows"])).arrays["rows"]
     middle = rows[:, -3] + reference
     inside = np.flatnonzero((middle > float(bounds[0])) & (middle < float(bounds[1])))
     chosen = np.random.default_rng(7).choice(inside, SLOPES) if len(inside) else inside
@@ -170,5 +180,5 @@ def differences(rates: Callable[[np.ndarray], np.ndarray], times: np.ndarray, h:
 
 
 def largest(vectors: np.ndarray) -> float:
-    """Return the greatest length of vectors [n, 3]."""
+    """Return the length of the longest of vectors [n, 3]."""
     return float(np.linalg.norm(vectors, axis=1).max())

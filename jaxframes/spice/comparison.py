@@ -1,4 +1,4 @@
-"""Tables against CSPICE on the same kernels: the worst differences at epochs of the caller's choice."""
+"""Comparison of tables with CSPICE, by users: the worst differences at epochs of their choice."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -59,7 +59,7 @@ def compare(kernels: Kernels, table: Any, times: Any) -> Differences:
     def cspice(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if info.kind == "translation":
             return kernels.states(target=info.of_id, center=info.relative_id, frame=info.axes, times=at, correction=info.correction)
-        return kernels.turns(frame=info.of, relative_to=info.relative_to, times=at)
+        return kernels.rotations(frame=info.of, relative_to=info.relative_to, times=at)
 
     there, speed = cspice(seconds)
     if info.kind == "translation":
@@ -80,14 +80,14 @@ def compare(kernels: Kernels, table: Any, times: Any) -> Differences:
 
 def _step(table: Any) -> float:
     """Return the step for differences of rates."""
-    legs = getattr(table, "legs", ())
-    halves = [np.asarray(leg.rows[:, -1], float) / (1 if leg.series in (3, 6) else 2) for leg in legs]
+    record_tables = getattr(table, "record_tables", ())
+    halves = [np.asarray(records.rows[:, -1], float) / (1 if records.series in (3, 6) else 2) for records in record_tables]
     shortest = min((float(np.nanmedian(half)) for half in halves), default=STEP * 32)
     return float(2.0 ** np.floor(np.log2(max(shortest / 32, 1e-3))))
 
 
 def _room(table: Any, times: np.ndarray, step: float) -> np.ndarray:
     """Return around which epochs the table covers all that differences over a step are taken of."""
-    if not hasattr(table, "legs"):
+    if not hasattr(table, "record_tables"):
         return np.ones(len(times), bool)
     return np.all([np.asarray(table.coverage_code(times + k * step)) == 0 for k in STENCIL], 0)

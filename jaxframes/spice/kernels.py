@@ -3,40 +3,49 @@
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from fractions import Fraction
-from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
 import numpy as np
 
-from jaxframes.errors import BadKernelError, CoverageError, MissingKernelError, NoPathError
-from jaxframes.spice.extraction import joining, node_segments
-from jaxframes.spice.extraction import orientation as orient
-from jaxframes.spice.extraction import translation as translate
+from jaxframes.errors import NoPathError, SpiceError
+from jaxframes.spice.edge_source import KernelSource
+from jaxframes.spice.extraction import orientation as extracted_orientation
+from jaxframes.spice.extraction import translation as extracted_translation
+from jaxframes.spice.extraction.constant_in_time import fixed_frame
+from jaxframes.spice.fitting import orientation as fitted_orientation
+from jaxframes.spice.fitting import translation as fitted_translation
 from jaxframes.spice.inventory import Inventory
-from jaxframes.spice.options import Tolerance
-from jaxframes.spice.reading.frame_chain import INERTIAL
-from jaxframes.spice.reading.kernel_files import ShortNames, kernel_files, sha256
-from jaxframes.spice.reading.process import TIMEOUT, CspiceError, KernelProcess
-from jaxframes.spice.reading.segment_paths import on_the_way
-from jaxframes.spice.reading.segments import Piece, Segment, coverage, handed_over
-from jaxframes.tables.base import Table, TranslationTable
-from jaxframes.tables.info import Info, Source, decimal
-from jaxframes.tables.instants import Instant, exact_seconds, pairs, reference_day, span_text
-from jaxframes.tables.records import METRES, HostLeg, to_leg
+from jaxframes.spice.options import (
+    OrientationRequest,
+    Tolerance,
+    TranslationRequest,
+    checked_bridge,
+    checked_correction,
+    checked_layout,
+    checked_size,
+    checked_timeout,
+    checked_tolerance,
+)
+from jaxframes.spice.reading.kernel_files import kernel_files
+from jaxframes.spice.reading.pool import KernelPool
+from jaxframes.spice.reading.process import TIMEOUT
+from jaxframes.tables.instants import Instant
+from jaxframes.tables.naif_ids import J2000, labelled
+from jaxframes.tables.placing import OffersEdges, place
+from jaxframes.tables.translation import TranslationTable
+from jaxframes.tree.builder import TreeBuilder
+from jaxframes.tree.frame_tree import FrameTree
 
-T = TypeVar("T", bound=Table)
 
-
-class Kernels(Inventory):
+class Kernels(Inventory, OffersEdges):
     """SPICE kernels, read in a private pool: the caller's own spiceypy, if any, is neither imported nor touched.
 
     A process of its own holds the pool until the ``with`` block ends. What it makes are tables, which need no kernel afterwards.
     Later files win over earlier ones, and within a file later segments over earlier ones, as in SPICE, which takes segments as closed at
     both ends: the instant at which one that wins ends is still its own (and the nanosecond after it, so that epochs in two parts are
-    safe; within the spacing of SPICE's own epochs). Legs that are composed (``compose=True``) cannot hold two such rules at one instant:
-    there the instant belongs to the records that follow.
+    safe; within the spacing of SPICE's own epochs). Record tables that are composed
+    (``compose=True``) cannot hold two such rules at one instant: there the instant belongs to the records that follow.
 
     Example:
         >>> import jaxframes as jf
@@ -57,43 +66,13 @@ class Kernels(Inventory):
             BadKernelError: If a file is no kernel, or is damaged.
             SpiceError: If ``timeout`` is no time.
         """
-        files = kernel_files(paths)
-        self._process, self._text, self._names = KernelProcess(timeout), list[Path](), ShortNames()
-        try:
-            for file in files:
-                self._load(file)
-            self._text = [Path(p).absolute() for p in self._process.call("files", ["TEXT", "META"], doing="listing the text kernels")]
-            self._count = len(self._process.call("files", ["ALL"], doing="listing the kernels"))
-            described = self._process.call("segments", doing="listing the segments of the kernels")
-            self._segments = [Segment(**s) for s in described]
-        except CspiceError as error:
-            self.close()
-            raise BadKernelError(f"The segments of the kernels cannot be listed: {error}") from error
-        except BaseException:
-            self.close()
-            raise
-
-    def _load(self, file: Path) -> None:
-        doing, name = f"loading {file}", self._names.of(file)
-        try:
-            architecture, _ = self._process.call("kind", name, doing=doing) if file.stat().st_size else ("?", "?")
-            if architecture not in ("DAF", "DAS", "KPL") and not (architecture == "?" and _is_text_kernel(file)):
-                transfer = architecture in ("XFR", "DEC")
-                remedy = (
-                    "It is a transfer file: convert it with NAIF's tobin." if transfer else "Give binary SPK or PCK files, or text kernels."
-                )
-                raise BadKernelError(f"{file} is not a SPICE kernel (CSPICE says {architecture!r}). {remedy}")
-            self._process.call("load", name, doing=doing)
-        except CspiceError as error:
-            missing = error.short in ("SPICE(NOSUCHFILE)", "SPICE(FILENOTFOUND)")  # one that a meta-kernel names
-            hint = f" Relative paths in a meta-kernel count from the current directory, {Path.cwd()}." if missing else ""
-            raise (MissingKernelError if missing else BadKernelError)(f"{file} cannot be loaded: {error}{hint}") from error
+        self._pool = KernelPool(kernel_files(paths), checked_timeout(timeout))
 
     def __repr__(self) -> str:
         """Return how many files, those that meta-kernels name and themselves too, and bodies are loaded."""
-        files, bodies = self._count, len({s.body for s in self._segments if s.kind == "SPK"})
+        files, bodies = self._pool.count, len({s.body for s in self._pool.segments if s.kind == "SPK"})
         counts = f"{files} file{'s' * (files != 1)}, {bodies} {'body' if bodies == 1 else 'bodies'}"
-        return f"Kernels({counts}{', closed' if self._process.closed else ''})"
+        return f"Kernels({counts}{', closed' if self._pool.process.closed else ''})"
 
     def __enter__(self) -> Self:
         return self
@@ -103,8 +82,7 @@ class Kernels(Inventory):
 
     def close(self) -> None:
         """End the process that holds the kernels; tables made before stay as they are."""
-        self._process.close()
-        self._names.close()
+        self._pool.close()
 
     def translation(
         self,
@@ -138,8 +116,8 @@ class Kernels(Inventory):
             correction: ``"NONE"``, or an aberration correction of SPICE that the fit contains: ``"CN"``, ``"CN+S"``, ``"XCN"`` or
                 ``"XCN+S"``; ``"LT"`` and its kin for compatibility: SPICE's velocities are then not the derivatives of its positions,
                 while the table's are.
-            compose: Whether to add up the legs of an exact chain on one grid: one look-up instead of several, at the cost of one
-                more rounding of the position. Legs with velocities of their own (type 3) stay as they are.
+            compose: Whether to add up the record tables of an exact chain on one grid: one look-up instead of several, at the cost of one
+                more rounding of the position. Those with velocities of their own (type 3) stay as they are.
 
         Raises:
             UnknownBodyError: If a body is unknown.
@@ -148,9 +126,18 @@ class Kernels(Inventory):
             CoverageError: If the kernels do not cover the span.
             ToleranceError: If no table meets the tolerance: names the errors that were reached.
         """
-        return translate.translation(
-            self, translate.Request(target, center, frame, start, stop, tolerance, size, layout, correction, compose)
-        )
+        pool = self._pool
+        of, relative = pool.body(target, "target"), pool.body(center, "center")
+        names = pool.body_name(of), pool.body_name(relative)
+        if of == relative:
+            raise NoPathError(f"target and center are the same body, {labelled(names[0], of)}: use jf.edges.Fixed().")
+        correction, axes = checked_correction(correction), pool.inertial_frame(frame, "frame").name
+        bounds = pool.span(start, stop, "SPK", (of, relative))
+        tolerance, size = checked_tolerance(tolerance), checked_size(size)
+        layout = checked_layout(layout, tolerance is not None or size is not None or correction != "NONE")
+        looked_up = (names[0], of, names[1], relative, axes)
+        request = TranslationRequest(looked_up, bounds, tolerance, size, layout, correction, compose)
+        return (fitted_translation if request.fitted else extracted_translation).translation(pool, request)
 
     def orientation(
         self,
@@ -192,8 +179,14 @@ class Kernels(Inventory):
             NoPathError: If no data orients the frame, or ``relative_to`` turns against it.
             CoverageError: If the kernels do not cover the start or the stop, or, but for C-kernels and fits, leave a gap between them.
         """
-        request = orient.Request(self._axes(frame), self._axes(relative_to, "relative_to"), start, stop, ck, tolerance, layout, bridge)
-        return orient.orientation(self, request)
+        pool = self._pool
+        of, base = pool.frame(frame), pool.frame(relative_to, "relative_to")
+        bridge, tolerance = checked_bridge(bridge), checked_tolerance(tolerance)
+        request = OrientationRequest(of, base, start, stop, ck, tolerance, checked_layout(layout, tolerance is not None), bridge)
+        edge: Any = fixed_frame(pool, request)
+        if edge is None:
+            edge = (extracted_orientation if tolerance is None else fitted_orientation).orientation(pool, request)
+        return edge.replace(info=replace(edge.info, center=of.center))
 
     def states(
         self, *, target: str | int, center: str | int, times: Any, frame: str = "J2000", correction: str = "NONE"
@@ -212,83 +205,89 @@ class Kernels(Inventory):
         Raises:
             SpiceError: If CSPICE has no answer for one of the epochs.
         """
-        of, relative, axes = self._body(target, "target"), self._body(center, "center"), self._axes(frame)["name"]
-        found = self._process.call("states", of, relative, axes, np.asarray(times, float), correction, doing="computing states")
-        return found[:, :3] * METRES, found[:, 3:] * METRES
+        pool = self._pool
+        of, relative, axes = pool.body(target, "target"), pool.body(center, "center"), pool.frame(frame).name
+        return pool.states(of, relative, axes, np.asarray(times, float), correction, doing="computing states")
 
-    def turns(self, *, frame: str, times: Any, relative_to: str = "J2000") -> tuple[np.ndarray, np.ndarray]:
+    def rotations(self, *, frame: str, times: Any, relative_to: str = "J2000") -> tuple[np.ndarray, np.ndarray]:
         """Return what CSPICE itself says (``sxform``): rotation matrices o_R_p [n, 3, 3] and angular velocities [n, 3] in rad/s.
 
         Matrices map coordinates of ``frame`` to ``relative_to``, velocities are in the axes of ``relative_to``.
         Arguments and errors as in ``states``.
         """
-        of, base = self._axes(frame)["name"], self._axes(relative_to, "relative_to")["name"]
-        return self._process.call("turns", of, base, np.asarray(times, float), doing="computing orientations")
+        of, base = self._pool.frame(frame).name, self._pool.frame(relative_to, "relative_to").name
+        return self._pool.rotations(of, base, np.asarray(times, float), doing="computing orientations")
 
-    def _table(
+    def tree(
         self,
-        kind: type[T],
-        name: str,
-        names: tuple[str, int, str, int, str],
-        bounds: tuple[Fraction, Fraction],
-        legs: Sequence[HostLeg],
-        used: Sequence[Piece | Path],
-        facts: dict[str, Any] | None = None,
-        **more: Any,
-    ) -> T:
-        reference = reference_day(bounds[0])
-        pieces = [piece for piece in used if isinstance(piece, Piece)]
-        files = sorted({p if isinstance(p, Path) else Path(p.segment.path) for p in used}) + self._text
-        lines = tuple(dict.fromkeys(f"{piece.segment.describe()}, frame id {piece.segment.frame}" for piece in pieces))
-        info = Info(
-            name,
-            *names,
-            *(decimal(x) for x in (*bounds, Fraction(reference))),
-            sources=tuple(Source(f.name, sha256(f)) for f in files),
-            toolkit=self._process.call("version", doing="asking for the version"),
-            **{"segments": lines, **(facts or {})},
-        )
-        made = tuple(to_leg(leg.arrays, leg.series, leg.compares, low=kind is TranslationTable) for leg in legs)
-        fields = {"legs": made, "reference": pairs(Fraction(reference)), "span": pairs(*(x - reference for x in bounds)), "info": info}
-        return kind(**fields, **more)  # pyright: ignore[reportCallIssue]
+        *,
+        bodies: str | int | Sequence[str | int] = (),
+        frames: str | int | Sequence[str | int | tuple[str | int, str | int | None]] = (),
+        start: Instant | None = None,
+        stop: Instant | None = None,
+        ck: str = "smooth",
+        bridge: float | None = None,
+        tolerance: Tolerance | None = None,
+    ) -> FrameTree:
+        """Return a tree of bodies and frames, ready to be queried: any of them relative to any other.
 
-    def _join(self, parts: list[tuple[Piece, np.ndarray | None]], sign: int, start: Fraction) -> tuple[HostLeg, list[float]]:
-        records, late = [], handed_over([piece for piece, _ in parts])
-        for (piece, rotation), last_instant_taken in zip(parts, late, strict=True):
-            read = replace(node_segments.read(self._process, piece), late=last_instant_taken)
-            records.append(read if rotation is None else joining.rotated(read, rotation))
-        return joining.join(records, sign, reference_day(start)), [r.apart for r in records]
+        The root ``"SSB"`` is the Solar System barycentre with J2000 axes. Each body is a frame with J2000 axes under its SPICE name
+        (``"EARTH"``), below the body that its segments are relative to; the bodies between are there too. Each frame is below
+        the body that is its centre, or the frame that it is fixed to or that its C-kernel turns it against, under its SPICE name
+        (``"ITRF93"``).
+        So an edge between two SPICE frames is R(o from J2000), positions in J2000, R(J2000 from p).
 
-    def _rotation(self, segment: Segment, axes: str) -> np.ndarray | None:
-        """Return the matrix from a segment's own inertial frame to another, None where they are the same."""
-        own = self._process.call("frame", str(segment.frame), doing=f"looking up frame {segment.frame}")
-        if own is None or own["class"] != INERTIAL:
-            label = "unknown to the kernels loaded" if own is None else f"{own['name']}, which turns"
-            raise NoPathError(f"{segment.describe()} is relative to frame {segment.frame}, {label}: only inertial frames are extracted.")
-        if own["name"] == axes:
-            return None
-        return np.array(self._process.call("rotation", own["name"], axes, doing=f"rotating {own['name']} to {axes}"))
+        Args:
+            bodies: Bodies by name or id; one alone needs no list.
+            frames: SPICE frames by name or id, placed at the body that is their centre; or pairs (body, frame), placed at this body, as
+                ``add_spice(body=, frame=)`` does: frame None or 999999 is the default frame. One name or id alone needs no list.
+            start: Start of the coverage, as in ``translation``. Default: from where the kernels have data, whatever the size.
+            stop: End of the coverage.
+            ck: How C-kernels are read between their knots, as in ``orientation``.
+            bridge: For C-kernels of type 1, as in ``orientation``.
+            tolerance: For what has to be fitted, the errors to meet: angle and rate for dynamic and switch frames and C-kernels of types
+                4 to 6; position and velocity for bodies whose SPK segments are not polynomials, turn, or change their centre (the
+                edge is then from the nearest body that all these centres hang on). What can be had exactly stays exact.
 
-    def _span(self, start: Instant | None, stop: Instant | None, kind: str, bodies: tuple[int, ...]) -> tuple[Fraction, Fraction]:
-        """Return the span asked for; a side left out is where all data of the bodies named, and of those between, begin or end."""
-        low = exact_seconds(start, "start") if start is not None else None
-        high = exact_seconds(stop, "stop") if stop is not None else None
-        if low is None or high is None:
-            way = on_the_way(bodies, self._segments) if kind == "SPK" else bodies
-            own = {b: c for b in way if (c := coverage(s for s in self._segments if s.kind == kind and s.body == b))}
-            if not own:
-                return low or Fraction(0), high or Fraction(1)  # no data at all: the search for a way says so
-            begin, end = max(c[0][0] for c in own.values()), min(c[-1][1] for c in own.values())
-            if begin >= end:
-                have = "".join(f"\n  {self._name(b) if kind == 'SPK' else b}: {span_text(c[0][0], c[-1][1])}" for b, c in own.items())
-                raise CoverageError(f"The data of the bodies on the way have no span in common.{have}")
-            low, high = begin if low is None else low, end if high is None else high
-        if low >= high:
-            raise CoverageError(f"start lies at or after stop: {span_text(low, high)}. A table needs a span of time.")
-        return low, high
+        Raises:
+            SpiceError: If ``bodies`` or ``frames`` are neither a name, nor an id, nor a list.
+            UnknownBodyError: If a body is unknown.
+            UnknownAxesError: If a frame is unknown.
+            NoPathError: If the kernels do not connect them, or something has to be fitted and there is no tolerance.
+            CoverageError: If the kernels do not cover the span.
+            ToleranceError: If a fit cannot be as good, or the tolerance says nothing about it.
+        """
+        builder, source = TreeBuilder(root="SSB"), self.edge_source(start=start, stop=stop, ck=ck, bridge=bridge, tolerance=tolerance)
+        builder.set_properties("SSB", {"spice_body": 0, "spice_frame": J2000, "spice_body_name": "SSB", "spice_frame_name": "J2000"})
+        for body in _several(bodies, "bodies"):
+            place(builder, source, body, J2000)
+        for frame in _several(frames, "frames"):
+            place(builder, source, *(_pair(frame) if isinstance(frame, (tuple, list)) else (self._pool.frame(frame).center, frame)))
+        return builder.build()
+
+    def edge_source(
+        self,
+        *,
+        start: Instant | None = None,
+        stop: Instant | None = None,
+        ck: str = "smooth",
+        bridge: float | None = None,
+        tolerance: Tolerance | None = None,
+    ) -> KernelSource:
+        """Return what ``TreeBuilder.add_spice`` takes its edges from; options as in ``tree``."""
+        return KernelSource(self._pool, self.translation, self.orientation, start, stop, ck, bridge, tolerance)
 
 
-def _is_text_kernel(file: Path) -> bool:
-    """Whether a file without a kernel's first word holds kernel data nevertheless (old text kernels do)."""
-    with file.open("rb") as content:
-        return b"\\begindata" in content.read(1 << 20)
+def _several(given: Any, role: str) -> Iterable[Any]:
+    """Return names, ids or pairs one by one, of which a user may give one alone."""
+    if isinstance(given, (str, int, np.integer)):
+        return [given]
+    if not isinstance(given, Iterable) or isinstance(given, bytes):
+        raise SpiceError(f"{role} = {given!r}: give a name or an id, or a list of them.")
+    return given
+
+
+def _pair(given: Sequence[Any]) -> Sequence[Any]:
+    if len(given) != 2:
+        raise SpiceError(f"frames = [..., {given!r}, ...]: give names or ids of frames, or pairs (body, frame).")
+    return given

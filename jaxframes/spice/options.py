@@ -1,16 +1,19 @@
-"""What a fitted table is asked to be: its largest errors, its size, its layout; and the errors that say it cannot be so."""
+"""Options of ``Kernels.translation`` and ``orientation``: tolerances, layouts, corrections; checked, and looked up as requests."""
 
 import numbers
-from collections.abc import Iterable, Sequence
+import threading
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
-from jaxframes.errors import SpiceError, ToleranceError
-from jaxframes.tables.info import UNITS
+from jaxframes.errors import NoPathError, SpiceError, ToleranceError, suggest
+from jaxframes.spice.reading.naming import FrameFacts
+from jaxframes.tables.instants import Instant
 
 LAYOUTS = ("uniform", "dyadic")
+CORRECTIONS = ("NONE", "CN", "CN+S", "XCN", "XCN+S", "LT", "LT+S", "XLT", "XLT+S")
 NAMES = {"translation": ("position", "velocity"), "orientation": ("angle", "rate")}
 
 
@@ -106,83 +109,84 @@ def checked_bridge(bridge: Any) -> float | None:
     )
 
 
+def checked_correction(name: str) -> str:
+    """Return a correction's name as SPICE spells it.
+
+    Raises:
+        NoPathError: If there is none of this name.
+    """
+    found = str(name).upper().replace(" ", "")
+    if found not in CORRECTIONS:
+        raise NoPathError(f"correction={name!r} is none of SPICE's.{suggest(found, CORRECTIONS)}")
+    return found
+
+
+def checked_timeout(timeout: Any) -> float | None:
+    """Return a time-out in seconds, None for none at all.
+
+    Raises:
+        SpiceError: If it is something else, or longer than a thread can wait.
+    """
+    if timeout is None:
+        return None
+    if is_number(timeout) and 0 < timeout <= threading.TIMEOUT_MAX:
+        return float(timeout)
+    raise SpiceError(f"timeout={timeout!r}: give the seconds that one answer may take, more than zero, or None for any time.")
+
+
 @dataclass(frozen=True)
-class Goal:
-    """What is asked of records.
+class TranslationRequest:
+    """What a translation table is asked for, bodies and axes looked up.
 
     Attributes:
-        kind: ``"translation"`` or ``"orientation"``.
-        bounds: Largest errors of value and rate, infinite where there is none.
+        names: Name and id of the target, name and id of the center, name of the axes.
+        bounds: Start and stop.
+        tolerance: Errors to meet, None for any.
         size: Most bytes, None for any.
-        layout: ``"uniform"`` or ``"dyadic"``.
-        aim: What is fitted, for messages.
-        note: What is to be known about the bounds, likewise.
-        most: Bytes beyond which nothing is looked at: something smaller was found already.
+        layout: Records of a fit.
+        correction: SPICE's aberration correction.
+        compose: Whether the record tables of an exact chain are added up on one grid.
     """
 
-    kind: str
-    bounds: tuple[float, float]
+    names: tuple[str, int, str, int, str]
+    bounds: tuple[Fraction, Fraction]
+    tolerance: Tolerance | None
     size: int | None
     layout: str
-    aim: str
-    note: str = ""
-    most: float = np.inf
+    correction: str
+    compose: bool
 
     @property
-    def free(self) -> bool:
-        """Whether no error is bounded: as good as the size allows."""
-        return not np.isfinite(self.bounds).any()
-
-    def meets(self, worst: Sequence[float] | np.ndarray) -> bool:
-        """Whether errors of value and rate are within the bounds."""
-        return bool(worst[0] <= self.bounds[0] and worst[1] <= self.bounds[1])
-
-    def ratio(self, errors: Sequence[float] | np.ndarray) -> float:
-        """Return by how much errors of value and rate exceed the bounds; where there are none, the error of value."""
-        return float(errors[0]) if self.free else float(np.max(np.asarray(errors) / self.bounds))
-
-    def text(self) -> str:
-        """Return the bounds with their units."""
-        return self.reached(self.bounds) or "any error"
-
-    def reached(self, errors: Sequence[float] | np.ndarray) -> str:
-        """Return errors of value and rate with their units, those that are not known left out."""
-        return " and ".join(f"{e:.3g} {unit}" for e, unit in zip(errors, UNITS[self.kind], strict=False) if np.isfinite(e))
-
-    def asked(self) -> str:
-        """Return the line of the report that says what was asked for."""
-        named = zip(NAMES[self.kind], self.bounds, UNITS[self.kind], strict=False)
-        parts = [f"{name} within {bound:.3g} {unit}" for name, bound, unit in named if np.isfinite(bound)]
-        return ", ".join(parts + ([f"at most {self.size} bytes"] if self.size is not None else []))
-
-    def too_small(self, needed: int) -> ToleranceError:
-        """Return the error for a size that does not suffice."""
-        within = "" if self.free else f" within {self.text()}"
-        return ToleranceError(f"{self.aim}: {needed} bytes are needed{within}, more than size={self.size}.")
-
-    def unmet(self, met: Iterable[Sequence[float] | np.ndarray]) -> "UnmetError":
-        """Return the error for bounds that no records meet, of the errors of value and rate that were met."""
-        found = [(float(value), float(rate)) for value, rate in met] or [(np.inf, np.inf)]
-        alone = min((rate for value, rate in found if value <= self.bounds[0]), default=np.inf)
-        best = min(found, key=self.ratio)
-        said = f"{self.aim}: no table meets {self.text()}{self.note}. The best reached is {self.reached(best)}: what CSPICE"
-        if self.kind == "orientation" and min(found)[0] <= self.bounds[0] * 1e-3 and best[1] > self.bounds[1]:
-            return UnmetError(
-                f"{said} gives as rate is not the derivative of its angle to better than that (as for frames of date with ROTATION_STATE "
-                "'INERTIAL'). Give angle= alone: the table's own rate is the derivative.",
-                tuple(found),
-            )
-        apart = f" Where the {NAMES[self.kind][0]} is met, the {NAMES[self.kind][1]} is off by {alone:.3g} {UNITS[self.kind][1]}."
-        return UnmetError(
-            f"{said} computes is not smoother than that (its own rounding, the kernel's jumps between records)."
-            f"{apart if np.isfinite(alone) and np.isfinite(self.bounds).all() else ''} Ask for less.",
-            tuple(found),
-        )
+    def fitted(self) -> bool:
+        """Whether the table is fitted to what CSPICE computes, and not extracted."""
+        return self.tolerance is not None or self.size is not None or self.correction != "NONE"
 
 
-class UnmetError(ToleranceError):
-    """No records meet the bounds; ``met`` holds the errors of value and rate that some had."""
+@dataclass(frozen=True)
+class OrientationRequest:
+    """What an orientation is asked for, frames looked up.
 
-    def __init__(self, text: str, met: tuple[tuple[float, float], ...]):
-        super().__init__(text)
-        self.met = met
+    Attributes:
+        of: The frame that is oriented.
+        base: The frame that the parent has the axes of.
+        start: Start of the coverage, None for as early as the kernels have data.
+        stop: End of the coverage, likewise.
+        ck: How C-kernels are read between their knots: ``"smooth"`` or ``"spice"``.
+        tolerance: Fit to within these errors instead of what the class of the frame would be read by.
+        layout: Records of such a fit.
+        bridge: For C-kernels of type 1: longest time in seconds to interpolate over.
+    """
+
+    of: FrameFacts
+    base: FrameFacts
+    start: Instant | None
+    stop: Instant | None
+    ck: str
+    tolerance: Tolerance | None
+    layout: str
+    bridge: float | None
+
+    @property
+    def names(self) -> tuple[str, int, str, int, str]:
+        """Name and id of the frame, of the base, and the name of the axes."""
+        return self.of.name, self.of.id, self.base.name, self.base.id, self.base.name

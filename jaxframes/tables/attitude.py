@@ -21,7 +21,7 @@ from jaxframes.tables import evaluate
 from jaxframes.tables.base import Table, checked_order, two_parts
 from jaxframes.tables.evaluate import Run
 from jaxframes.tables.info import Info
-from jaxframes.tables.records import Leg
+from jaxframes.tables.records import RecordTable
 from jaxframes.tables.report import report
 
 PAYLOAD = 14
@@ -36,18 +36,18 @@ class Attitude(Table):
 
     @property
     def other_bytes(self) -> int:
-        """Size of the arrays beside the legs."""
+        """Size of the arrays beside the record tables."""
         return 0
 
     @property
-    def way(self) -> tuple[Any, str, tuple[jax.Array, ...]]:
-        """The function that evaluates the table, the mode, and the arrays beside the legs."""
+    def evaluator(self) -> tuple[Any, str, tuple[jax.Array, ...]]:
+        """The function that evaluates the table, the mode, and the arrays beside the record tables."""
         raise NotImplementedError
 
     def motion(self, hi: Any, lo: Any, order: int) -> jax.Array:
         """Return quaternion, angular velocity and angular acceleration as one array [..., 4, 7 or 10]."""
-        way, mode, rest = self.way
-        return way(mode, self.run, rest, hi, lo, order)
+        evaluator, mode, rest = self.evaluator
+        return evaluator(mode, self.run, rest, hi, lo, order)
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         """Return one motion: the rotation, without translation."""
@@ -61,9 +61,9 @@ class Attitude(Table):
         """Return -1 before the coverage, 0 inside, +1 after it and in gaps: int32 [...]."""
         hi, lo = two_parts(time)
         code = evaluate.coverage_code(self.run, hi, lo)
-        leg = self.legs[0]
-        index = leg.record(*evaluate._local(self.run, jnp.asarray(hi), jnp.asarray(lo)))
-        lengths = rows_at(leg.rows, index)[..., -1]
+        records = self.record_tables[0]
+        index = records.serving(*evaluate._local(self.run, jnp.asarray(hi), jnp.asarray(lo)))
+        lengths = rows_at(records.rows, index)[..., -1]
         return select((code == 0) & jnp.isnan(lengths), np.int32(1), code)
 
     def describe(self) -> str:
@@ -72,7 +72,7 @@ class Attitude(Table):
 
     def report(self) -> str:
         """Return what the table is made of, in lines."""
-        return report(self.info, self.legs, False, self.other_bytes)
+        return report(self.info, self.record_tables, False, self.other_bytes)
 
     def evaluate(self, time: Any, order: int = 2) -> tuple[jax.Array, ...]:
         """Return the quaternion wxyz [..., 4], angular velocity and angular acceleration [..., 3] in the axes of ``relative_to``.
@@ -81,8 +81,8 @@ class Attitude(Table):
             time: An ``Epoch`` [...], or seconds past J2000 TDB [...].
             order: 0, 1 or 2; the first ``order + 1`` of the three are returned.
         """
-        way, mode, rest = self.way
-        return _arrays(checked_order(order), way, mode, self.run, rest, *two_parts(time))
+        evaluator, mode, rest = self.evaluator
+        return _arrays(checked_order(order), evaluator, mode, self.run, rest, *two_parts(time))
 
 
 def _knots(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, order: int) -> jax.Array:
@@ -90,20 +90,20 @@ def _knots(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, o
 
     def work(run: Run, hi: jax.Array, lo: jax.Array) -> jax.Array:
         run = run.opened(hi.ndim)
-        (leg,) = run.legs
+        (records,) = run.record_tables
         dt_hi, dt_lo = evaluate._local(run, hi, lo)
-        row = jnp.moveaxis(rows_at(leg.rows, leg.record(dt_hi, dt_lo)), -1, 0)
+        row = jnp.moveaxis(rows_at(records.rows, records.serving(dt_hi, dt_lo)), -1, 0)
         length = row[-1]
         u = (((dt_hi - row[-3]) + (dt_lo - row[-2])) + _outside(run, dt_hi, dt_lo)) / length
         start, axis, half = Quat(*row[:4]), V3(*row[4:7]), row[7]
         first, second = V3(*row[8:11]), V3(*row[11:14])
-        slerp = quat_mul(_turned(axis, half * u), start)
+        slerp = quat_mul(_rotation_about(axis, half * u), start)
         if mode == "spice":
-            return _joined([slerp, first + (second - first) * u, (second - first) * (1 / length)], order)
+            return _as_array([slerp, first + (second - first) * u, (second - first) * (1 / length)], order)
         g, g1, g2 = _bubble(first, second, u, length)
-        return _joined(_cayley(g, g1, g2, slerp, axis * (half * 2 / length)), order)
+        return _as_array(_cayley(g, g1, g2, slerp, axis * (half * 2 / length)), order)
 
-    return stage(work)(run, *evaluate.recast(hi, lo, run.legs[0].rows.dtype))
+    return stage(work)(run, *evaluate.recast(hi, lo, run.record_tables[0].rows.dtype))
 
 
 def _series(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, order: int) -> jax.Array:
@@ -111,28 +111,28 @@ def _series(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, 
 
     def work(run: Run, spins: jax.Array, hi: jax.Array, lo: jax.Array, values: Sequence[jax.Array]) -> jax.Array:
         run = run.opened(hi.ndim)
-        (leg,) = run.legs
+        (records,) = run.record_tables
         dt_hi, dt_lo = evaluate._local(run, hi, lo)
-        index = leg.record(dt_hi, dt_lo)
+        index = records.serving(dt_hi, dt_lo)
         spin = jnp.moveaxis(rows_at(spins, index), -1, 0)
-        times = jnp.moveaxis(rows_at(leg.rows[..., -3:], index), -1, 0)
+        times = jnp.moveaxis(rows_at(records.rows[..., -3:], index), -1, 0)
         tau = (dt_hi - times[0]) + (dt_lo - times[1])
-        reference = quat_mul(_turned(V3(*spin[4:7]), spin[7] * tau), Quat(*spin[:4]))
+        reference = quat_mul(_rotation_about(V3(*spin[4:7]), spin[7] * tau), Quat(*spin[:4]))
         zero = V3(0.0, 0.0, 0.0)
         g, g1, g2 = (*(V3(*values[i : i + 3]) for i in range(0, len(values), 3)), zero, zero)[:3]
-        return _joined(_cayley(g, g1, g2, reference, V3(*spin[4:7]) * (spin[7] * 2)), order)
+        return _as_array(_cayley(g, g1, g2, reference, V3(*spin[4:7]) * (spin[7] * 2)), order)
 
-    hi, lo = evaluate.recast(hi, lo, run.legs[0].rows.dtype)
+    hi, lo = evaluate.recast(hi, lo, run.record_tables[0].rows.dtype)
     return stage(work)(run, *rest, hi, lo, evaluate.evaluate(run, hi, lo, order))
 
 
-def _joined(motion: Sequence[Any], order: int) -> jax.Array:
+def _as_array(motion: Sequence[Any], order: int) -> jax.Array:
     return assemble(tuple(c for group in motion[: order + 1] for c in group))
 
 
 @functools.partial(jax.jit, static_argnums=(0, 1, 2))
-def _arrays(order: int, way: Any, mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any) -> tuple[jax.Array, ...]:
-    whole = way(mode, run, rest, hi, lo, order)
+def _arrays(order: int, evaluator: Any, mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any) -> tuple[jax.Array, ...]:
+    whole = evaluator(mode, run, rest, hi, lo, order)
     return tuple(whole[..., a:b] for a, b in ((0, 4), (4, 7), (7, 10))[: order + 1])
 
 
@@ -146,35 +146,35 @@ class AttitudeTable(Attitude):
     linearly; these are not the derivative of that attitude. The acceleration is theirs.
 
     Attributes:
-        legs: One leg whose rows hold an interval each: quaternion at its start, axis, half angle, two vectors (g0, g1 or the rates), then
-            its start in two parts and its length. A row whose length is NaN is a gap.
+        record_tables: One, whose rows hold an interval each: quaternion at its start, axis, half angle, two vectors (g0, g1 or the
+            rates), then its start in two parts and its length. A row whose length is NaN is a gap.
         mode: ``"smooth"`` or ``"spice"``.
     """
 
-    legs: tuple[Leg, ...]
+    record_tables: tuple[RecordTable, ...]
     reference: jax.Array
     span: jax.Array
     mode: str
     info: Info
 
     @property
-    def way(self) -> tuple[Any, str, tuple[jax.Array, ...]]:
-        """The function that evaluates the table, the mode, and the arrays beside the legs."""
+    def evaluator(self) -> tuple[Any, str, tuple[jax.Array, ...]]:
+        """The function that evaluates the table, the mode, and the arrays beside the record tables."""
         return _knots, self.mode, ()
 
 
 @family(static=("info",))
 class CayleyTable(Attitude):
-    """An attitude fitted to what CSPICE computes: the Cayley vector of the turn from a uniformly spinning reference, as Chebyshev series.
+    """An attitude fitted to what CSPICE computes: the Cayley vector from a uniformly spinning reference, as Chebyshev series.
 
     q = Cayley(g) exp(spin tau / 2) q_mid, tau from the middle of a record. No frame has a singularity here, and spinners keep low degrees.
 
     Attributes:
-        legs: One Chebyshev run of g.
+        record_tables: One Chebyshev run of g.
         spins: ``[n, 8]``: for each record q_mid, the axis of the reference spin and half its rate, rad/s.
     """
 
-    legs: tuple[Leg, ...]
+    record_tables: tuple[RecordTable, ...]
     reference: jax.Array
     span: jax.Array
     spins: jax.Array
@@ -183,12 +183,12 @@ class CayleyTable(Attitude):
 
     @property
     def other_bytes(self) -> int:
-        """Size of the arrays beside the legs."""
+        """Size of the arrays beside the record tables."""
         return self.spins.nbytes
 
     @property
-    def way(self) -> tuple[Any, str, tuple[jax.Array, ...]]:
-        """The function that evaluates the table, the mode, and the arrays beside the legs."""
+    def evaluator(self) -> tuple[Any, str, tuple[jax.Array, ...]]:
+        """The function that evaluates the table, the mode, and the arrays beside the record tables."""
         return _series, "", (self.spins,)
 
 
@@ -197,7 +197,7 @@ def _outside(run: Run, dt_hi: jax.Array, dt_lo: jax.Array) -> jax.Array:
     return select((since >= 0) & (until >= 0), np.zeros((), dt_hi.dtype), np.array(np.nan, dt_hi.dtype))
 
 
-def _turned(axis: V3, half: Component) -> Quat:
+def _rotation_about(axis: V3, half: Component) -> Quat:
     """Return the rotation about a unit axis by twice an angle."""
     s, c = sin_cos(half)
     return Quat(c, *(axis * s))
@@ -221,8 +221,8 @@ def _cayley(g: V3, rate: V3, rate2: V3, reference: Quat, spin: V3) -> list[Any]:
     square = dot(g, g) + 1.0
     inverse = 1 / square
     root = jnp.sqrt(inverse)
-    turn = Quat(root, *(g * root))
+    rotation = Quat(root, *(g * root))
     own = (rate + cross(g, rate)) * (2 * inverse)
     own2 = (rate2 + cross(g, rate2)) * (2 * inverse) - own * (2 * dot(g, rate) * inverse)
-    carried = rotate(turn, spin)
-    return [quat_mul(turn, reference), own + carried, own2 + cross(own, carried)]
+    carried = rotate(rotation, spin)
+    return [quat_mul(rotation, reference), own + carried, own2 + cross(own, carried)]

@@ -1,4 +1,4 @@
-"""Tables cut to a span and put together in time: the same records, so the same values."""
+"""Cropping tables to a span and merging them in time: the same records, so the same values."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -10,11 +10,11 @@ import numpy as np
 
 from jaxframes.errors import CoverageError, TableError
 from jaxframes.numerics import host_two_part
-from jaxframes.tables import index as cells
 from jaxframes.tables.base import Table
+from jaxframes.tables.index import build_index, irregular
 from jaxframes.tables.info import Info, decimal
 from jaxframes.tables.instants import Instant, exact_seconds, span_text, split, two_parts
-from jaxframes.tables.records import Leg, from_leg, to_leg
+from jaxframes.tables.records import RecordTable, host_arrays, to_record_table
 from jaxframes.tables.store import KINDS, MODELS, has_low
 
 T = TypeVar("T", bound=Table)
@@ -45,9 +45,9 @@ def crop(table: T, start: Instant | None = None, stop: Instant | None = None) ->
     if not have[0] <= low < high <= have[1]:
         raise CoverageError(f"{table.describe()} covers {span_text(*have)}: it cannot be cropped to {span_text(low, high)}.")
     reference = Fraction(info.reference)
-    legs, kept = [], slice(0, None)
-    for leg in table.legs:
-        arrays = from_leg(leg)
+    record_tables, kept = [], slice(0, None)
+    for records in table.record_tables:
+        arrays = host_arrays(records)
         starts = starts_of(arrays)
         first = max(sum(s <= low - reference for s in starts) - 1, 0)
         last = max(sum(s < high - reference for s in starts), first + 1)
@@ -57,18 +57,21 @@ def crop(table: T, start: Instant | None = None, stop: Instant | None = None) ->
             cut["grid"] = np.array([*two_parts(starts[first]), arrays["grid"][2]])
             compares = 0
         else:
-            index, compares = cells.irregular(starts[kept], max(high - reference, starts[last - 1] + CLOSE))
+            index, compares = irregular(starts[kept], max(high - reference, starts[last - 1] + CLOSE))
             cut |= index
-        legs.append(_leg(cut, leg, compares, info))
+        record_tables.append(_records(cut, records, compares, info))
     return _made(
-        table, tuple(legs), replace(info, start=decimal(low), stop=decimal(high)), {n: getattr(table, n)[kept] for n in _by_record(info)}
+        table,
+        tuple(record_tables),
+        replace(info, start=decimal(low), stop=decimal(high)),
+        {n: getattr(table, n)[kept] for n in _by_record(info)},
     )
 
 
 def merge(*tables: Any) -> Any:
     """Return tables that follow one another in time as one; or bundles (dicts of tables by name) as one bundle.
 
-    Tables must say the same thing (body or frame, centre, axes, legs) and touch or overlap; where they overlap, the one that
+    Tables must say the same thing (body or frame, centre, axes, record tables) and touch or overlap; where they overlap, the one that
     starts later serves. In bundles, tables of the same name are put together so.
 
     Raises:
@@ -94,14 +97,14 @@ def merge(*tables: Any) -> Any:
     parts = [crop(t, a, b) for t, a, b in zip(ordered, begins, ends, strict=True) if a < b]
     begins = [Fraction(t.info.start) for t in parts]
     reference = Fraction(info.reference)
-    legs, keep = [], []
-    for k, leg in enumerate(first.legs):
+    record_tables, keep = [], []
+    for k, records in enumerate(first.record_tables):
         arrays, keep, starts, last = [], [], [], None
         for part, begin in zip(parts, begins, strict=True):
-            own = from_leg(part.legs[k])
+            own = host_arrays(part.record_tables[k])
             shift = Fraction(part.info.reference) - reference
             edges = [s + shift for s in starts_of(own)]
-            rows = _shifted(own["rows"], shift, part.legs[k].series, max(p.legs[k].rows.shape[1] for p in parts))
+            rows = _shifted(own["rows"], shift, part.record_tables[k].series, max(p.record_tables[k].rows.shape[1] for p in parts))
             same = last is not None and np.array_equal(rows[0], last, equal_nan=True)  # one record cut in two
             last = rows[-1]
             if not same:
@@ -110,14 +113,14 @@ def merge(*tables: Any) -> Any:
             starts += edges[1:]
             arrays.append(rows[1:] if same else rows)
             keep.append(slice(1 if same else 0, None))
-        index, compares = cells.index(starts, ends[-1] - reference)
-        legs.append(_leg({"rows": np.concatenate(arrays), **index}, leg, compares, info))
+        index, compares = build_index(starts, ends[-1] - reference)
+        record_tables.append(_records({"rows": np.concatenate(arrays), **index}, records, compares, info))
     more = {n: jnp.concatenate([getattr(p, n)[k] for p, k in zip(parts, keep, strict=True)]) for n in _by_record(info)}
-    return _made(first, tuple(legs), _joined_info([t.info for t in ordered], ends[-1]), more)
+    return _made(first, tuple(record_tables), _joined_info([t.info for t in ordered], ends[-1]), more)
 
 
 def starts_of(arrays: dict[str, np.ndarray]) -> list[Fraction]:
-    """Return where each record of a leg starts to serve, exact seconds past the reference."""
+    """Return where each record of a record table starts to serve, exact seconds past the reference."""
     origin = Fraction(arrays["grid"][0]) + Fraction(arrays["grid"][1])
     if "ends" not in arrays:
         width = Fraction(arrays["grid"][2])
@@ -126,18 +129,18 @@ def starts_of(arrays: dict[str, np.ndarray]) -> list[Fraction]:
 
 
 def _by_record(info: Info) -> tuple[str, ...]:
-    """Return the names of a table's arrays, beside the legs, that have a row for each record."""
+    """Return the names of a table's arrays, beside the record tables, that have a row for each record."""
     return tuple(name for name in KINDS[info.kind].arrays if name == "spins")
 
 
-def _leg(arrays: dict[str, np.ndarray], like: Leg, compares: int, info: Info) -> Leg:
-    return to_leg(arrays, like.series, compares, like.rows.dtype, has_low(info.kind))
+def _records(arrays: dict[str, np.ndarray], like: RecordTable, compares: int, info: Info) -> RecordTable:
+    return to_record_table(arrays, like.series, compares, like.rows.dtype, has_low(info.kind))
 
 
-def _made(table: T, legs: tuple[Leg, ...], info: Info, more: dict[str, Any]) -> T:
+def _made(table: T, record_tables: tuple[RecordTable, ...], info: Info, more: dict[str, Any]) -> T:
     reference, start, stop = (Fraction(x) for x in (info.reference, info.start, info.stop))
     parts = [split(*two_parts(x - reference), np.dtype(table.span.dtype)) for x in (start, stop)]
-    return table.replace(legs=legs, span=jnp.asarray(np.array(parts).reshape(-1)), info=info, **more)
+    return table.replace(record_tables=record_tables, span=jnp.asarray(np.array(parts).reshape(-1)), info=info, **more)
 
 
 def _shifted(rows: np.ndarray, shift: Fraction, series: int, width: int) -> np.ndarray:
@@ -158,11 +161,11 @@ def _check(ordered: Sequence[Table]) -> None:
                 raise TableError(
                     f"{first.describe()} and {other.describe()} cannot be merged: {what} is {a!r} of one and {b!r} of the other."
                 )
-        shapes = [[(leg.series, leg.rows.dtype.name) for leg in t.legs] for t in (first, other)]
+        shapes = [[(records.series, records.rows.dtype.name) for records in t.record_tables] for t in (first, other)]
         if shapes[0] != shapes[1]:
             raise TableError(
-                f"{first.describe()}: the tables have different legs (series, dtype): {shapes[0]} and {shapes[1]}. Make them alike: "
-                "the same way, or kernels.translation(..., compose=True)."
+                f"{first.describe()}: the tables have different record tables (series, dtype): {shapes[0]} and {shapes[1]}. Make them "
+                "alike: the same way, or kernels.translation(..., compose=True)."
             )
         kind = KINDS[first.info.kind]
         fixed = [name for name in kind.arrays if name not in _by_record(first.info)]

@@ -1,4 +1,4 @@
-"""Tables made before as the source of the edges that a tree is made of."""
+"""Tables as the source of the edges of a tree: what is not among them cannot be placed."""
 
 from collections.abc import Collection, Iterable, Mapping
 from fractions import Fraction
@@ -6,16 +6,16 @@ from typing import Any
 
 from jaxframes.edges.base import Edge
 from jaxframes.errors import EdgeError, NoPathError, suggest
-from jaxframes.spatial import Transform
 from jaxframes.tables.fixed import FixedFrame
 from jaxframes.tables.info import Info
 from jaxframes.tables.naif_ids import CENTERS, INERTIAL, J2000, body_named, name_of
+from jaxframes.tables.placing import EdgeSource
 
 
-class TableSource:
+class TableSource(EdgeSource):
     """Tables made before as the source of edges: what is not among them cannot be placed.
 
-    The body that a frame belongs to is what its table says, and for tables of older files, which do not say it, what SPICE has built in.
+    The body that a frame belongs to is what its table says, and where it does not say it, what SPICE has built in.
     """
 
     asked: tuple[Fraction | None, Fraction | None] = (None, None)
@@ -26,13 +26,15 @@ class TableSource:
         strange = [t for t in held if not hasattr(t, "info")]
         if strange:
             raise EdgeError(f"add_spice takes jf.spice.Kernels or tables, found a {type(strange[0]).__name__}")
-        self._moves = [t for t in held if t.info.kind == "translation" and t.info.axes == "J2000"]
-        self._turns = [t for t in held if t.info.kind != "translation"]
+        self._translations = [t for t in held if t.info.kind == "translation" and t.info.axes == "J2000"]
+        self._orientations = [t for t in held if t.info.kind != "translation"]
 
     def body(self, body: str | int) -> tuple[int, str]:
-        """See ``Source``."""
-        known = {0: "SSB"} | {i: n for t in self._moves for i, n in ((t.info.relative_id, t.info.relative_to), (t.info.of_id, t.info.of))}
-        centers = (center_of(t.info) for t in self._turns)
+        """See ``EdgeSource``."""
+        known = {0: "SSB"} | {
+            i: n for t in self._translations for i, n in ((t.info.relative_id, t.info.relative_to), (t.info.of_id, t.info.of))
+        }
+        centers = (center_of(t.info) for t in self._orientations)
         known |= {center: name_of(center) for center in centers if center is not None and center not in known}
         wanted = body.strip().upper() if isinstance(body, str) else body
         other = body_named(body) if isinstance(body, str) else None
@@ -42,10 +44,10 @@ class TableSource:
         raise NoPathError(f"No table of {body!r} is among those given.{suggest(str(body).upper(), list(known.values()))}")
 
     def frame(self, body: int, frame: str | int | None) -> tuple[int, str]:
-        """See ``Source``."""
-        known = dict(enumerate(INERTIAL, 1)) | {t.info.of_id: t.info.of for t in self._turns}
+        """See ``EdgeSource``."""
+        known = dict(enumerate(INERTIAL, 1)) | {t.info.of_id: t.info.of for t in self._orientations}
         if frame is None:
-            own = [t.info for t in self._turns if center_of(t.info) == body and t.info.of_id > len(INERTIAL)]
+            own = [t.info for t in self._orientations if center_of(t.info) == body and t.info.of_id > len(INERTIAL)]
             if body < 10 or not own:
                 return J2000, "J2000"
             if len(own) > 1:
@@ -58,12 +60,12 @@ class TableSource:
         raise NoPathError(f"No table of the frame {frame!r} is among those given.{suggest(str(frame).upper(), list(known.values()))}")
 
     def centered(self, body: int, frame: int) -> bool:
-        """See ``Source``."""
-        return any(t.info.of_id == frame and center_of(t.info) in (None, body) for t in self._turns)
+        """See ``EdgeSource``."""
+        return any(t.info.of_id == frame and center_of(t.info) in (None, body) for t in self._orientations)
 
     def base(self, frame: int) -> tuple[int, str]:
-        """See ``Source``."""
-        info = next((t.info for t in self._turns if t.info.of_id == frame), None)
+        """See ``EdgeSource``."""
+        info = next((t.info for t in self._orientations if t.info.of_id == frame), None)
         if info is None:
             raise NoPathError(
                 f"No table orients frame {INERTIAL[frame - 1]}: tables are in J2000 axes; ask for that, and turn with jf.edges.Fixed."
@@ -71,42 +73,34 @@ class TableSource:
         return info.relative_id, info.relative_to
 
     def chain(self, body: int, there: Collection[int]) -> list[int]:
-        """See ``Source``: the shortest way along tables to a body that is there."""
+        """See ``EdgeSource``: the shortest way along tables to a body that is there."""
         ways = [[body]]
         for way in ways:  # which grows: breadth first
             if len(way) > 1 and way[-1] in there:
                 return way
-            ways += [[*way, t.info.relative_id] for t in self._moves if t.info.of_id == way[-1] and t.info.relative_id not in way]
+            ways += [[*way, t.info.relative_id] for t in self._translations if t.info.of_id == way[-1] and t.info.relative_id not in way]
         return ways[-1]
 
     def translation(self, target: int, center: int) -> Edge:
-        """See ``Source``."""
-        for table in self._moves:
+        """See ``EdgeSource``."""
+        for table in self._translations:
             if (table.info.of_id, table.info.relative_id) == (target, center):
                 return table
-        held = "; ".join(f"{t.info.of} from {t.info.relative_to}" for t in self._moves) or "none"
+        held = "; ".join(f"{t.info.of} from {t.info.relative_to}" for t in self._translations) or "none"
         raise NoPathError(
             f"No table of {self.body(target)[1]!r} is among those given: none of body {target} from {center} in J2000 (there are: {held})."
         )
 
     def orientation(self, frame: tuple[int, str], base: tuple[int, str]) -> Edge:
-        """See ``Source``."""
-        for table in self._turns:
+        """See ``EdgeSource``."""
+        for table in self._orientations:
             if (table.info.of_id, table.info.relative_id) == (frame[0], base[0]):
                 return table
             if isinstance(table, FixedFrame) and (table.info.relative_id, table.info.of_id) == (frame[0], base[0]):
-                return _turned_round(table)
+                return table.inverted()
         raise NoPathError(f"No table orients {frame[1]} relative to {base[1]} among those given.")
 
 
 def center_of(info: Info) -> int | None:
     """Return the id of the body that a frame belongs to, None where it is not known."""
     return CENTERS.get(info.of_id) if info.center is None else info.center
-
-
-def _turned_round(edge: FixedFrame) -> FixedFrame:
-    """Return the edge of the base relative to the frame."""
-    info = edge.info
-    pose: Transform = edge.transform.inverse()
-    facts = {"of": info.relative_to, "of_id": info.relative_id, "relative_to": info.of, "relative_id": info.of_id, "axes": info.of}
-    return FixedFrame(pose, Info(**{**info.__dict__, **facts, "center": None}))

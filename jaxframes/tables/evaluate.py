@@ -1,4 +1,4 @@
-"""Evaluating tables on the device: any batch of epochs to components, in blocks on CPU, with exact time derivatives.
+"""Evaluation of tables on the device: any batch of epochs to components, in blocks on CPU, with exact time derivatives.
 
 Why this shape. XLA:CPU keeps every step of a recurrence over a large batch in memory; blocks of some hundred epochs stay in cache
 (measured: four times faster). One gather takes a record's whole row; the block is then turned over so that each coefficient is
@@ -24,7 +24,7 @@ from jaxframes.staging.operation import run as operate
 from jaxframes.staging.sharding import is_large, like, may_block, rows_at
 from jaxframes.staging.stages import stage
 from jaxframes.tables.chebyshev import series
-from jaxframes.tables.records import Leg, of_tables
+from jaxframes.tables.records import RecordTable, of_tables
 
 BLOCK = 512
 """Epochs a block on CPU."""
@@ -40,19 +40,19 @@ class Run:
     """What an evaluation reads.
 
     Attributes:
-        legs: Chebyshev runs whose sum is the table's value.
+        record_tables: Chebyshev runs whose sum is the table's value.
         reference: ``[2]``: the table's reference epoch in two parts, seconds past J2000 TDB.
         span: ``[4]``: start and stop of the coverage, each in two parts, seconds past the reference.
     """
 
-    legs: tuple[Leg, ...]
+    record_tables: tuple[RecordTable, ...]
     reference: jax.Array
     span: jax.Array
 
     @property
     def count(self) -> int | None:
         """How many tables of one kind stand one after the other in the arrays (``reference`` [n, 2] and ``span`` [n, 4] then)."""
-        counts = self.legs[0].counts
+        counts = self.record_tables[0].counts
         return None if counts is None else len(counts)
 
     def opened(self, rank: int, which: jax.Array | None = None) -> "Run":
@@ -65,7 +65,7 @@ class Run:
         if self.count is None:
             return self
         facts = (of_tables(values, rank, which) for values in (self.reference, self.span))
-        return Run(tuple(leg.opened(rank, which) for leg in self.legs), *facts)
+        return Run(tuple(records.opened(rank, which) for records in self.record_tables), *facts)
 
 
 def evaluate(run: Run, hi: Any, lo: Any, order: int, vectors: bool = False) -> Values:
@@ -83,7 +83,7 @@ def evaluate(run: Run, hi: Any, lo: Any, order: int, vectors: bool = False) -> V
         derivatives too.
         Differentiable in time (exact, any order) and in the coefficients (linear); the records' grid counts as constant.
     """
-    hi, lo = recast(hi, lo, run.legs[0].rows.dtype)
+    hi, lo = recast(hi, lo, run.record_tables[0].rows.dtype)
     leaves, structure = jax.tree.flatten(run)
     return tuple(operate(_Evaluation(structure, order, vectors), *leaves, hi, lo))
 
@@ -128,10 +128,10 @@ class _Evaluation(Operation):
         large = is_large(hi.shape, BLOCK) and self.blocks and may_block(hi)
         return self._computed(_in_blocks if large else _plain, *arrays)
 
-    def _computed(self, way: Callable[..., Values], *arrays: jax.Array) -> Values:
+    def _computed(self, evaluator: Callable[..., Values], *arrays: jax.Array) -> Values:
         run, hi, lo = self._taken(arrays)
         flat = (-1,) if run.count is None else (-1, run.count)
-        values = way(self.order, self.vectors, run, hi.reshape(flat), lo.reshape(flat))
+        values = evaluator(self.order, self.vectors, run, hi.reshape(flat), lo.reshape(flat))
         return tuple(v.reshape(hi.shape + ((3,) if self.vectors else ())) for v in values)
 
     def derivative(self, primals: Sequence[jax.Array], tangents: Sequence[jax.Array | None]) -> tuple[Values, Sequence[jax.Array | None]]:
@@ -146,7 +146,7 @@ class _Evaluation(Operation):
             moved = [v * (dt[..., None] if self.vectors else dt) for v in further[width:]]
         places = range(len(tangents) - 2)
         at = jax.tree.unflatten(self.structure, places)
-        rows = [tangents[leg.rows] for leg in at.legs]
+        rows = [tangents[records.rows] for records in at.record_tables]
         if any(d is not None for d in rows):
             more = _by_coefficients(self.order, self.vectors, run, rows, hi, lo)
             moved = [v if m is None else m + v for m, v in zip(moved, more, strict=True)]
@@ -229,38 +229,38 @@ def _margins(run: Run, dt_hi: jax.Array, dt_lo: jax.Array) -> tuple[jax.Array, j
 def _components(order: int, run: Run, hi: jax.Array, lo: jax.Array, tangents: Sequence[jax.Array | None] | None = None) -> Values:
     """Return the values of a batch (any shape) straight away: no blocks, no fence, no rules.
 
-    With tangents of the legs' rows, the values are linear in these: they take the coefficients' place, None counting as zero.
+    With tangents of the record tables' rows, the values are linear in these: they take the coefficients' place, None counting as zero.
     """
     dt_hi, dt_lo = _local(run, hi, lo)
     since, until = _margins(run, dt_hi, dt_lo)
     # Added to the argument, not selected afterwards: so the NaN is in every derivative too.
     outside = select((since >= 0) & (until >= 0), np.zeros((), hi.dtype), np.array(np.nan, hi.dtype))
-    used = [(leg, leg.rows) for leg in run.legs] if tangents is None else zip(run.legs, tangents, strict=True)
-    parts = [_leg(order, leg, rows, dt_hi, dt_lo, outside) for leg, rows in used if rows is not None]
+    used = [(records, records.rows) for records in run.record_tables] if tangents is None else zip(run.record_tables, tangents, strict=True)
+    parts = [_values(order, records, rows, dt_hi, dt_lo, outside) for records, rows in used if rows is not None]
     return tuple(functools.reduce(lambda a, b: a + b, terms) for terms in zip(*parts, strict=True))
 
 
-def _leg(order: int, leg: Leg, rows: jax.Array, dt_hi: jax.Array, dt_lo: jax.Array, outside: jax.Array) -> list[jax.Array]:
-    index = leg.record(dt_hi, dt_lo)
-    place = jnp.moveaxis(rows_at(leg.rows, index), -1, 0)
-    row = place if rows is leg.rows else jnp.moveaxis(rows_at(rows, index), -1, 0)
+def _values(order: int, records: RecordTable, rows: jax.Array, dt_hi: jax.Array, dt_lo: jax.Array, outside: jax.Array) -> list[jax.Array]:
+    index = records.serving(dt_hi, dt_lo)
+    place = jnp.moveaxis(rows_at(records.rows, index), -1, 0)
+    row = place if rows is records.rows else jnp.moveaxis(rows_at(rows, index), -1, 0)
     middle_hi, middle_lo, radius = place[-3], place[-2], place[-1]
     s = (((dt_hi - middle_hi) + (dt_lo - middle_lo)) + outside) / radius
     out: list[list[jax.Array]] = [[] for _ in range(order + 1)]
     for axis in range(3):
-        if leg.series == 3:
-            parts = _scaled(series(_terms(leg, row, axis), s, order), radius)
+        if records.series == 3:
+            parts = _scaled(series(_terms(records, row, axis), s, order), radius)
         else:
-            parts = [series(_terms(leg, row, axis), s, 0)[0]]
+            parts = [series(_terms(records, row, axis), s, 0)[0]]
             if order > 0:
-                parts += _scaled(series(_terms(leg, row, axis + 3), s, order - 1), radius)
+                parts += _scaled(series(_terms(records, row, axis + 3), s, order - 1), radius)
         for k, part in enumerate(parts):
             out[k].append(part)
     return [component for components in out for component in components]
 
 
-def _terms(leg: Leg, row: jax.Array, which: int) -> list[jax.Array]:
-    return [row[j * leg.series + which] for j in range(leg.terms)]
+def _terms(records: RecordTable, row: jax.Array, which: int) -> list[jax.Array]:
+    return [row[j * records.series + which] for j in range(records.terms)]
 
 
 def _scaled(derivatives: tuple[jax.Array, ...], radius: jax.Array) -> list[jax.Array]:

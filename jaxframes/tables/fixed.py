@@ -1,5 +1,6 @@
-"""Frames that do not turn against each other, as edges that know which frames they are: fixed offsets, inertial frames."""
+"""Fixed frames: edges between frames at a constant rotation that know which frames they are (fixed offsets, inertial frames)."""
 
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -60,6 +61,12 @@ class FixedFrame(Fixed):
         ]
         return "\n".join(lines)
 
+    def inverted(self) -> "FixedFrame":
+        """Return the edge of the other frame relative to this one."""
+        info = self.info
+        swapped = {"of": info.relative_to, "of_id": info.relative_id, "relative_to": info.of, "relative_id": info.of_id, "axes": info.of}
+        return FixedFrame(self.transform.inverse(), replace(info, **swapped, center=None))
+
     def to_arrays(self) -> dict[str, np.ndarray]:
         """Return the numbers as float64 arrays; exact, so that ``from_arrays`` gives the same edge again."""
         return {"rotation": np.array(self.transform.rotation.wxyz, np.float64)}
@@ -67,9 +74,9 @@ class FixedFrame(Fixed):
     @classmethod
     def from_arrays(cls, arrays: dict[str, np.ndarray], info: Info) -> "FixedFrame":
         """Return the edge of float64 arrays, in the default float dtype."""
-        return cls(turned(arrays["rotation"]), info)
+        return cls(rotation_only(arrays["rotation"]), info)
 
 
-def turned(wxyz: np.ndarray) -> Transform:
-    """Return the pose of a quaternion [4], in the default float dtype."""
+def rotation_only(wxyz: np.ndarray) -> Transform:
+    """Return the pose of a quaternion [4] without translation, in the default float dtype."""
     return Transform(Rotation(jnp.asarray(wxyz, default_float())), jnp.zeros(3, default_float()))

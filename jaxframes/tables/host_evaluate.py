@@ -1,11 +1,11 @@
-"""Tables evaluated on the host, in float64: what is measured while they are made needs no compiled program."""
+"""Evaluation of tables on the host, in float64: what is measured while they are made needs no compiled program."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from jaxframes.numerics import host_quaternions, host_two_part
-from jaxframes.tables.records import HostLeg
+from jaxframes.tables.records import HostRecordTable
 
 Motion = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Value, rate and acceleration at epochs: positions or quaternions [n, 3 | 4], then [n, 3] each."""
@@ -17,13 +17,13 @@ def since(times: np.ndarray, reference: int) -> host_two_part.Pair:
     return host_two_part.two_sum(times, np.full(len(times), -float(reference)))
 
 
-def record_of(leg: HostLeg, past: host_two_part.Pair) -> np.ndarray:
+def record_of(records: HostRecordTable, past: host_two_part.Pair) -> np.ndarray:
     """Return the record that serves each epoch."""
-    grid, total = leg.arrays["grid"], past[0] + past[1]
-    if "ends" not in leg.arrays:
+    grid, total = records.arrays["grid"], past[0] + past[1]
+    if "ends" not in records.arrays:
         at = np.floor(((past[0] - grid[0]) + (past[1] - grid[1])) / grid[2])
-        return np.clip(at, 0, len(leg.arrays["rows"]) - 1).astype(int)
-    return np.searchsorted(leg.arrays["ends"][:-1].sum(1), total, "right")
+        return np.clip(at, 0, len(records.arrays["rows"]) - 1).astype(int)
+    return np.searchsorted(records.arrays["ends"][:-1].sum(1), total, "right")
 
 
 def derivatives(rows: np.ndarray, series: int, s: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -45,13 +45,13 @@ def _value(coefficients: np.ndarray, s: np.ndarray) -> np.ndarray:
     return np.polynomial.chebyshev.chebval(s, coefficients, tensor=False).T
 
 
-def summed(legs: Sequence[HostLeg], past: host_two_part.Pair) -> Motion:
-    """Return the sum of Chebyshev legs."""
+def summed(record_tables: Sequence[HostRecordTable], past: host_two_part.Pair) -> Motion:
+    """Return the sum of Chebyshev record tables."""
     total = [np.zeros((len(past[0]), 3)) for _ in range(3)]
-    for leg in legs:
-        rows = leg.arrays["rows"][record_of(leg, past)]
+    for records in record_tables:
+        rows = records.arrays["rows"][record_of(records, past)]
         s = ((past[0] - rows[:, -3]) + (past[1] - rows[:, -2])) / rows[:, -1]
-        total = [a + b for a, b in zip(total, derivatives(rows, leg.series, s), strict=True)]
+        total = [a + b for a, b in zip(total, derivatives(rows, records.series, s), strict=True)]
     return total[0], total[1], total[2]
 
 
@@ -70,9 +70,9 @@ def euler(angles: Sequence[np.ndarray], placement: np.ndarray) -> Motion:
     return q, w, alpha
 
 
-def knots(leg: HostLeg, past: host_two_part.Pair, mode: str) -> Motion:
+def knots(records: HostRecordTable, past: host_two_part.Pair, mode: str) -> Motion:
     """Return the attitude between the knots of a C-kernel; NaN in gaps."""
-    row = leg.arrays["rows"][record_of(leg, past)]
+    row = records.arrays["rows"][record_of(records, past)]
     length = row[:, -1:]
     u = ((past[0] - row[:, -3]) + (past[1] - row[:, -2]))[:, None] / length
     turn = row[:, 4:7] * (2 * row[:, 7:8])
@@ -106,9 +106,9 @@ def model(arrays: dict[str, np.ndarray], times: np.ndarray) -> Motion:
     """Return the attitude of the analytic model of a text PCK; ``IauOrientation`` says how."""
     reference = arrays["reference"]
     past = host_two_part.add((times, np.zeros(len(times))), (np.full(len(times), -reference[0]), np.full(len(times), -reference[1])))
-    sums = [_turns(row, past) for row in arrays["polynomials"]]
+    sums = [_polynomial_angle(row, past) for row in arrays["polynomials"]]
     for phase, amplitude in zip(arrays["phases"], arrays["amplitudes"], strict=True):
-        angle, rate, rate2 = _turns(phase, past)
+        angle, rate, rate2 = _polynomial_angle(phase, past)
         s, c = np.sin(angle), np.cos(angle)
         sines = (s, c * rate, c * rate2 - s * rate * rate)
         cosines = (c, -s * rate, -s * rate2 - c * rate * rate)
@@ -120,7 +120,7 @@ def model(arrays: dict[str, np.ndarray], times: np.ndarray) -> Motion:
     return euler(angles, arrays["placement"])
 
 
-def _turns(terms: np.ndarray, past: host_two_part.Pair) -> list[np.ndarray]:
+def _polynomial_angle(terms: np.ndarray, past: host_two_part.Pair) -> list[np.ndarray]:
     """Return an angle of a polynomial in turns [terms, 2], and its derivatives, rad; whole turns are taken out before rounding."""
     century = 36525 * 86400.0
     product = host_two_part.multiply(past, (np.full_like(past[0], terms[1, 0]), np.full_like(past[0], terms[1, 1])))

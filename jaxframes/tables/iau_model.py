@@ -1,4 +1,4 @@
-"""The orientation of a planet or moon by its text PCK: pole, prime meridian and their periodic terms, evaluated under jit."""
+"""IAU orientation models of planets and moons (text PCK files): pole, prime meridian and their periodic terms, evaluated under jit."""
 
 import functools
 from typing import Any, ClassVar, Self
@@ -18,10 +18,11 @@ from jaxframes.numerics.two_part import recast_pair, turned, two_sum
 from jaxframes.staging.arrays import default_float, is_concrete
 from jaxframes.staging.columns import assemble, parameters, take_apart
 from jaxframes.staging.stages import stage
-from jaxframes.tables.base import attitude_of, checked_order, turns, two_parts
+from jaxframes.tables.base import checked_order, two_parts
 from jaxframes.tables.evaluate import recast
 from jaxframes.tables.info import Info
 from jaxframes.tables.instants import split
+from jaxframes.tables.orientation import attitude_of, euler_steps
 
 CENTURY = 36525 * 86400.0
 """Seconds of a Julian century."""
@@ -68,13 +69,13 @@ class IauOrientation(Edge):
     info: Info
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        """Return three turns: about z by ra + 90 deg, about x by 90 deg - dec, about z by the prime meridian."""
+        """Return three rotations: about z by ra + 90 deg, about x by 90 deg - dec, about z by the prime meridian."""
         if inputs.time is None:
             raise MissingInputError(f"{self.describe()} depends on time: give the state one, tree.state(time=...).")
         hi, lo = inputs.time
         values = take_apart(stage(lambda: assemble(self._angles(hi, lo, order)))())
         triples = tuple(V3(*values[i : i + 3]) for i in range(0, len(values), 3))
-        return turns(Quat(*parameters(self.placement, inputs.batch_rank)), triples)
+        return euler_steps(Quat(*parameters(self.placement, inputs.batch_rank)), triples)
 
     def describe(self) -> str:
         """Return the kind of the edge and its frames."""

@@ -1,4 +1,4 @@
-"""Finding the record that serves an instant: cells of equal width, and the records that begin within each. On the host."""
+"""Time index of a record table: an even grid, or cells and comparisons, by which an instant finds its record. On the host, exact."""
 
 from fractions import Fraction
 from typing import TypeAlias
@@ -9,22 +9,22 @@ from jaxframes.errors import BadKernelError
 from jaxframes.numerics import host_two_part
 from jaxframes.tables.instants import two_parts
 
-HANDOVER = Fraction(1, 2**30)
-"""So long, a nanosecond, does a segment serve past its end where another follows that would not serve that instant in SPICE: long enough
-for epochs whose two parts are not rounded to each other, and within the spacing of SPICE's own epochs."""
 MOST_CELLS = 8
+AFTER_END = Fraction(1, 2**30)
+"""Segments of kernels are closed at both ends. Where the one that ends keeps its last instant, the next one starts to serve so long, a
+nanosecond, after it: long enough for epochs whose two parts are not rounded to each other, and within the spacing of SPICE's epochs."""
 Starts: TypeAlias = list[Fraction] | host_two_part.Pair
 """Instants in order: exact numbers, or all of them in two parts."""
 
 
-def index(starts: Starts, stop: Fraction) -> tuple[dict[str, np.ndarray], int]:
+def build_index(starts: Starts, stop: Fraction) -> tuple[dict[str, np.ndarray], int]:
     """Return the arrays that find a record by time, and how many comparisons they need.
 
     Args:
         starts: Where each record starts to serve, seconds past the reference, in order: exact numbers, or an array of two parts.
         stop: Where the last one ends.
     """
-    high, low = _pair(starts)
+    high, low = in_two_parts(starts)
     count, origin = len(high), Fraction(high[0]) + Fraction(low[0])
     half = count // 2
     step, middle = (stop - origin) / count, (Fraction(high[half]) + Fraction(low[half]) - origin) / max(half, 1)
@@ -32,13 +32,14 @@ def index(starts: Starts, stop: Fraction) -> tuple[dict[str, np.ndarray], int]:
         gaps, rests = host_two_part.add((high[1:], low[1:]), (-high[:-1], -low[:-1]))
         usual = np.argsort(gaps)[(count - 1) // 2]
         odd = np.abs((gaps - gaps[usual]) + (rests - rests[usual]))
-        if ((odd > HANDOVER / 2) & (odd < HANDOVER * 2)).any():
+        if ((odd > AFTER_END / 2) & (odd < AFTER_END * 2)).any():
             return irregular((high, low), stop)  # some record keeps its last instant: not even
     for length in (step, middle):  # the last record may be cut short
         width = [np.full(count, part) for part in two_parts(length)]
         line = host_two_part.multiply((np.arange(float(count)), np.zeros(count)), (width[0], width[1]))
-        apart = host_two_part.add((high, low), (-line[0], -line[1]))
-        off, _ = host_two_part.add(apart, (np.full(count, -high[0]), np.full(count, -low[0])))
+        off = host_two_part.add(host_two_part.add((high, low), (-line[0], -line[1])), (np.full(count, -high[0]), np.full(count, -low[0])))[
+            0
+        ]
         last = Fraction(high[-1]) + Fraction(low[-1])
         if np.abs(off).max() <= float(length) / 1e10 and stop <= last + length * 2:
             return {"grid": np.array([*two_parts(origin), float(length)])}, 0
@@ -46,12 +47,12 @@ def index(starts: Starts, stop: Fraction) -> tuple[dict[str, np.ndarray], int]:
 
 
 def irregular(starts: Starts, stop: Fraction) -> tuple[dict[str, np.ndarray], int]:
-    """Return what ``index`` does, for records of unequal length.
+    """Return what ``build_index`` does, for records of unequal length.
 
     Raises:
         BadKernelError: If the records are not in time order.
     """
-    high, low = _pair(starts)
+    high, low = in_two_parts(starts)
     origin, last = (Fraction(high[i]) + Fraction(low[i]) for i in (0, -1))
     lengths = np.append(host_two_part.add((high[1:], low[1:]), (-high[:-1], -low[:-1]))[0], float(stop - last))
     if (lengths <= 0).any():
@@ -72,7 +73,8 @@ def irregular(starts: Starts, stop: Fraction) -> tuple[dict[str, np.ndarray], in
     return {"grid": grid, "first": first.astype(np.float64), "ends": ends}, int((final - first).max())
 
 
-def _pair(starts: Starts) -> host_two_part.Pair:
+def in_two_parts(starts: Starts) -> host_two_part.Pair:
+    """Return instants in two parts."""
     if isinstance(starts, tuple):
         return starts
     high, low = np.array([two_parts(start) for start in starts], float).reshape(-1, 2).T

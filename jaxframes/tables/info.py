@@ -1,4 +1,4 @@
-"""What a table knows about itself: bodies and frames, coverage, reference epoch, and the kernels it was made from."""
+"""Facts about a table: bodies and frames, coverage, reference epoch, and the kernels it was made from."""
 
 from dataclasses import asdict, dataclass
 from fractions import Fraction
@@ -7,6 +7,8 @@ from typing import Any
 from jaxframes.tables.instants import span_text
 
 EXTRACTION = "exact extraction of Chebyshev records"
+UNITS = {"translation": ("m", "m/s", "m/s2"), "orientation": ("rad", "rad/s", "rad/s2")}
+"""Units of value, rate and acceleration."""
 
 UNITS = {"translation": ("m", "m/s", "m/s2"), "orientation": ("rad", "rad/s", "rad/s2")}
 
@@ -76,8 +78,8 @@ class Info:
     def from_json(cls, data: dict[str, Any]) -> "Info":
         """Return the facts that ``to_json`` wrote."""
         sources = tuple(Source(**s) for s in data["sources"])
-        measured = tuple((str(name), float(value)) for name, value in data.get("measured", ()))
-        texts = {name: tuple(data.get(name, ())) for name in ("segments", "notes")}
+        measured = tuple((str(name), float(value)) for name, value in data["measured"])
+        texts = {name: tuple(data[name]) for name in ("segments", "notes")}
         return cls(**{**data, "sources": sources, "measured": measured, **texts})
 
 

@@ -1,4 +1,4 @@
-"""Instants on the host, exact: everything here is a ``Fraction`` of seconds past J2000 TDB."""
+"""Exact instants on the host: everything here is a ``Fraction`` of seconds past J2000 TDB."""
 
 from fractions import Fraction
 from typing import Any, Protocol, TypeAlias, runtime_checkable

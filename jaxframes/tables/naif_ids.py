@@ -1,4 +1,4 @@
-"""What SPICE has built in and tables need without it: the centres of its body-fixed frames, and names of bodies that tables are between.
+"""NAIF ids that SPICE has built in: the centres of its body-fixed frames, and names of bodies that tables are between.
 
 Facts from NAIF's ``frames.req`` and ``naif_ids.req``.
 """

@@ -1,4 +1,4 @@
-"""A leg: one run of Chebyshev records as arrays, and finding the record that serves an instant."""
+"""Record tables: runs of Chebyshev records as arrays, and finding the record that serves an instant."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -12,16 +12,17 @@ from jaxframes.staging.arrays import default_float
 from jaxframes.staging.sharding import rows_at
 from jaxframes.tables.instants import split
 
-METRES = 1000.0
 RESOLVED = 2.0**-18
 """Seconds that two float32 tell apart, thirty years from J2000."""
+METRES = 1000.0
+"""Metres of a kilometre."""
 LOW_TERMS = 6
 """Terms of each series that float32 tables hold in two parts."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Leg:
+class RecordTable:
     """Records of one Chebyshev run; times in seconds past the table's reference epoch, in two parts.
 
     Attributes:
@@ -50,8 +51,8 @@ class Leg:
     counts: tuple[tuple[int, int], ...] | None = field(default=None, metadata={"static": True})
     bounds: jax.Array | None = None
 
-    def opened(self, rank: int, which: jax.Array | None) -> "Leg":
-        """Return the leg of many tables as samples read it, ``grid`` [3, ...]; one table's leg is itself.
+    def opened(self, rank: int, which: jax.Array | None) -> "RecordTable":
+        """Return the record table of many tables as samples read it, ``grid`` [3, ...]; one table's is itself.
 
         Args:
             rank: Rank of the samples.
@@ -78,8 +79,8 @@ class Leg:
         rows = np.asarray(self.rows)
         return np.isnan(rows[..., -1]) & np.isfinite(rows[..., :-1]).all(-1)
 
-    def unmarked(self) -> "Leg":
-        """Return the leg with finite numbers in place of the marks of gaps and of the open end of the last record."""
+    def unmarked(self) -> "RecordTable":
+        """Return the record table with finite numbers in place of the marks of gaps and of the open end of the last record."""
         rows, ends = np.array(self.rows), self.ends
         rows[..., -1] = np.where(self.gaps, 0.0, rows[..., -1])
         if ends is not None:
@@ -87,7 +88,7 @@ class Leg:
             ends[..., -1, 0] = np.where(ends[..., -1, 0] == np.inf, 0.0, ends[..., -1, 0])
         return replace(self, rows=rows, ends=ends)  # pyright: ignore[reportArgumentType]
 
-    def record(self, dt_hi: jax.Array, dt_lo: jax.Array) -> jax.Array:
+    def serving(self, dt_hi: jax.Array, dt_lo: jax.Array) -> jax.Array:
         """Return the index (int32 [...]) of the record that serves an instant; the first or last one outside.
 
         Uniform records are found by one division; others by the table of the cell and ``compares`` comparisons. The last instant
@@ -117,6 +118,23 @@ class Leg:
         return np.int32(0), np.int32(self.rows.shape[0]), np.int32(0), np.int32(0 if self.first is None else self.first.shape[0])
 
 
+@dataclass(frozen=True)
+class HostRecordTable:
+    """A record table in float64 on the host: the arrays of ``RecordTable`` under their names, with its static numbers."""
+
+    arrays: dict[str, np.ndarray]
+    series: int
+    compares: int
+
+    def same_grid(self, other: "HostRecordTable") -> bool:
+        """Whether two record tables have the same records in time, so that their coefficients can be added."""
+        if (self.series, self.compares, set(self.arrays)) != (other.series, other.compares, set(other.arrays)):
+            return False
+        pairs = [(self.arrays[name], other.arrays[name]) for name in self.arrays if name != "rows"]
+        pairs.append((self.arrays["rows"][:, -3:], other.arrays["rows"][:, -3:]))
+        return all(np.array_equal(a, b) for a, b in pairs)
+
+
 def of_tables(values: jax.Array, rank: int, which: jax.Array | None) -> jax.Array:
     """Return numbers [n_tables, k] as samples read them, [k, ...]; None where the samples' last axis is over the tables."""
     return jnp.moveaxis(lax.expand_dims(values, range(rank - 1)) if which is None else rows_at(values, which), -1, 0)
@@ -127,15 +145,15 @@ def _bounded(index: jax.Array, last: Any) -> jax.Array:
     return lax.clamp(np.zeros((), index.dtype), index, jnp.broadcast_to(last, index.shape) if np.ndim(last) else last)
 
 
-def to_leg(arrays: dict[str, np.ndarray], series: int, compares: int, dtype: Any = None, low: bool = False) -> Leg:
-    """Return a leg from float64 arrays; pairs keep what one float32 cannot hold.
+def to_record_table(arrays: dict[str, np.ndarray], series: int, compares: int, dtype: Any = None, low: bool = False) -> RecordTable:
+    """Return a record table from float64 arrays; pairs keep what one float32 cannot hold.
 
     Args:
-        arrays: The arrays of ``Leg`` by name.
-        series: As in ``Leg``.
-        compares: As in ``Leg``.
-        dtype: Float dtype of the leg. Default: JAX's own.
-        low: Whether a float32 leg keeps low parts of its coefficients.
+        arrays: The arrays of ``RecordTable`` by name.
+        series: As in ``RecordTable``.
+        compares: As in ``RecordTable``.
+        dtype: Float dtype of the record table. Default: JAX's own.
+        low: Whether a float32 record table keeps low parts of its coefficients.
     """
     dtype = np.dtype(default_float() if dtype is None else dtype)
     rows = arrays["rows"].astype(dtype)
@@ -150,7 +168,7 @@ def to_leg(arrays: dict[str, np.ndarray], series: int, compares: int, dtype: Any
     if low and dtype == np.float32:
         at = two_part_columns(rows.shape[1], series)
         rest = jnp.asarray((arrays["rows"][:, at] - rows[:, at].astype(np.float64)).astype(dtype))
-    return Leg(jnp.asarray(rows), jnp.asarray(grid), first, ends, series, compares, rest)
+    return RecordTable(jnp.asarray(rows), jnp.asarray(grid), first, ends, series, compares, rest)
 
 
 def _ends(high: np.ndarray, low: np.ndarray, dtype: np.dtype) -> tuple[np.ndarray, np.ndarray]:
@@ -166,43 +184,26 @@ def _ends(high: np.ndarray, low: np.ndarray, dtype: np.dtype) -> tuple[np.ndarra
 
 
 def two_part_columns(width: int, series: int) -> np.ndarray:
-    """Return the columns of rows that float32 legs keep in two parts: the lowest coefficients and the half length."""
+    """Return the columns of rows that float32 record tables keep in two parts: the lowest coefficients and the half length."""
     return np.array([*range(min(LOW_TERMS * series, width - 3)), width - 1])
 
 
-def from_leg(leg: Leg) -> dict[str, np.ndarray]:
-    """Return a leg's arrays as float64; exact, so that ``to_leg`` gives the same leg again."""
-    rows, grid = np.array(leg.rows, np.float64), np.array(leg.grid, np.float64)
-    if leg.low is not None:
-        rows[:, two_part_columns(rows.shape[1], leg.series)] += np.array(leg.low, np.float64)
+def host_arrays(records: RecordTable) -> dict[str, np.ndarray]:
+    """Return a record table's arrays as float64; exact, so that ``to_record_table`` gives the same one again."""
+    rows, grid = np.array(records.rows, np.float64), np.array(records.grid, np.float64)
+    if records.low is not None:
+        rows[:, two_part_columns(rows.shape[1], records.series)] += np.array(records.low, np.float64)
     rows[:, -3], rows[:, -2] = split(rows[:, -3], rows[:, -2], np.dtype(np.float64))
     grid[0], grid[1] = split(grid[0], grid[1], np.dtype(np.float64))
     arrays = {"rows": rows, "grid": grid}
-    if leg.first is not None and leg.ends is not None:
-        ends = np.array(leg.ends, np.float64)
-        arrays |= {"first": np.array(leg.first, np.float64), "ends": np.stack(split(ends[:, 0], ends[:, 1], np.dtype(np.float64)), 1)}
+    if records.first is not None and records.ends is not None:
+        ends = np.array(records.ends, np.float64)
+        arrays |= {"first": np.array(records.first, np.float64), "ends": np.stack(split(ends[:, 0], ends[:, 1], np.dtype(np.float64)), 1)}
     return arrays
 
 
-@dataclass(frozen=True)
-class HostLeg:
-    """A leg in float64 on the host: the arrays of ``legs.Leg`` under their names, with its static numbers."""
-
-    arrays: dict[str, np.ndarray]
-    series: int
-    compares: int
-
-    def same_grid(self, other: "HostLeg") -> bool:
-        """Whether two legs have the same records in time, so that their coefficients can be added."""
-        if (self.series, self.compares, set(self.arrays)) != (other.series, other.compares, set(other.arrays)):
-            return False
-        pairs = [(self.arrays[name], other.arrays[name]) for name in self.arrays if name != "rows"]
-        pairs.append((self.arrays["rows"][:, -3:], other.arrays["rows"][:, -3:]))
-        return all(np.array_equal(a, b) for a, b in pairs)
-
-
-def in_metres(leg: HostLeg) -> HostLeg:
-    """Return a leg with its coefficients turned from km and km/s to m and m/s: one rounding each."""
-    rows = leg.arrays["rows"].copy()
+def in_metres(records: HostRecordTable) -> HostRecordTable:
+    """Return a record table with its coefficients turned from km and km/s to m and m/s: one rounding each."""
+    rows = records.arrays["rows"].copy()
     rows[:, :-3] *= METRES
-    return HostLeg({**leg.arrays, "rows": rows}, leg.series, leg.compares)
+    return HostRecordTable({**records.arrays, "rows": rows}, records.series, records.compares)

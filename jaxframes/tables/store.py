@@ -1,4 +1,4 @@
-"""Tables on disk: one ``.npz`` without pickle, with a schema version and a checksum over the whole file.
+"""Saving and loading tables: one ``.npz`` without pickle, with a schema version and a checksum over the whole file.
 
 The file is an ordinary zip archive of ``.npy`` arrays and a JSON text. The SHA-256 of everything before it is the last 64 characters, as
 part of the archive's comment: no byte can change unnoticed, and NumPy alone can still read the arrays.
@@ -23,23 +23,24 @@ import numpy as np
 from jaxframes.errors import FrameError, TableError
 from jaxframes.staging.arrays import default_float
 from jaxframes.tables.attitude import AttitudeTable, CayleyTable
-from jaxframes.tables.base import OrientationTable, Table, TranslationTable
+from jaxframes.tables.base import Table
 from jaxframes.tables.fixed import FixedFrame
 from jaxframes.tables.iau_model import IauOrientation
 from jaxframes.tables.info import Info
 from jaxframes.tables.instants import pairs
-from jaxframes.tables.records import from_leg, to_leg
+from jaxframes.tables.orientation import OrientationTable
+from jaxframes.tables.records import host_arrays, to_record_table
+from jaxframes.tables.translation import TranslationTable
 
 Storable: TypeAlias = Table | IauOrientation | FixedFrame
-SCHEMA = 3
-READABLE = (1, 2, 3)
-"""Schemas that ``load`` reads. 2 adds kinds of tables and what their reports say, 3 fixed frames; everything older is as it was."""
+SCHEMA = 1
+"""Version of what is in the file; no other is read."""
 MARK = b"jaxframes tables, sha256 of all before this: "
 
 
 @dataclass(frozen=True)
 class Kind:
-    """How tables of a kind are stored, beside their legs and facts: further arrays, and static fields. Models store themselves."""
+    """How tables of a kind are stored, beside their record tables and facts: further arrays, and static fields. Models store themselves."""
 
     table: type[Any]
     arrays: tuple[str, ...] = ()
@@ -146,10 +147,10 @@ def _read_metadata(target: Path, archive: zipfile.ZipFile) -> dict[str, Any]:
         TableError: If its schema is unknown.
     """
     metadata = json.loads(archive.read("metadata.json"))
-    if metadata.get("schema") not in READABLE:
+    if metadata.get("schema") != SCHEMA:
         raise TableError(
-            f"{target} has schema {metadata.get('schema')!r}; this version of jaxframes reads {READABLE[0]} to {READABLE[-1]}. "
-            "Make the tables again, or use a later version."
+            f"{target} has schema {metadata.get('schema')!r}; this version of jaxframes reads schema {SCHEMA} alone. "
+            "Make the tables again with this version, or use the one that wrote them."
         )
     return metadata
 
@@ -184,13 +185,15 @@ def _write_table(archive: zipfile.ZipFile, folder: str, table: Storable) -> dict
         for name, array in arrays.items():
             _write_array(archive, f"{folder}/{name}.npy", array)
         return {"info": table.info.to_json(), "arrays": {name: f"{folder}/{name}.npy" for name in arrays}}
-    legs = []
-    for i, leg in enumerate(table.legs):
-        arrays = from_leg(leg)
-        legs.append({"series": leg.series, "compares": leg.compares, "arrays": {n: f"{folder}/leg{i}/{n}.npy" for n in arrays}})
+    record_tables = []
+    for i, records in enumerate(table.record_tables):
+        arrays = host_arrays(records)
+        record_tables.append(
+            {"series": records.series, "compares": records.compares, "arrays": {n: f"{folder}/records{i}/{n}.npy" for n in arrays}}
+        )
         for name, array in arrays.items():
-            _write_array(archive, f"{folder}/leg{i}/{name}.npy", array)
-    entry: dict[str, Any] = {"info": table.info.to_json(), "legs": legs}
+            _write_array(archive, f"{folder}/records{i}/{name}.npy", array)
+    entry: dict[str, Any] = {"info": table.info.to_json(), "record_tables": record_tables}
     kind = KINDS[table.info.kind]
     for name in kind.arrays:
         entry[name] = f"{folder}/{name}.npy"
@@ -216,12 +219,22 @@ def _table(archive: zipfile.ZipFile, name: str, entry: dict[str, Any]) -> Storab
     kind = KINDS[info.kind]
     if kind.table in MODELS:
         return kind.table.from_arrays({n: _read_array(archive, file) for n, file in entry["arrays"].items()}, info)
-    legs = tuple(
-        to_leg({n: _read_array(archive, file) for n, file in leg["arrays"].items()}, leg["series"], leg["compares"], low=has_low(info.kind))
-        for leg in entry["legs"]
+    record_tables = tuple(
+        to_record_table(
+            {n: _read_array(archive, file) for n, file in records["arrays"].items()},
+            records["series"],
+            records["compares"],
+            low=has_low(info.kind),
+        )
+        for records in entry["record_tables"]
     )
     reference, start, stop = (Fraction(x) for x in (info.reference, info.start, info.stop))
-    fields: dict[str, Any] = {"legs": legs, "reference": pairs(reference), "span": pairs(start - reference, stop - reference), "info": info}
+    fields: dict[str, Any] = {
+        "record_tables": record_tables,
+        "reference": pairs(reference),
+        "span": pairs(start - reference, stop - reference),
+        "info": info,
+    }
     fields |= {array: jnp.asarray(_read_array(archive, entry[array]), default_float()) for array in kind.arrays}
     return kind.table(**fields, **{static: entry[static] for static in kind.static})
 
@@ -237,7 +250,7 @@ class Entry:
 
     Attributes:
         info: What the table knows about itself.
-        records: How many records each leg has; none for a model.
+        records: How many records each record table has; none for a model.
         bytes: Size of its arrays in float64.
     """
 
@@ -262,7 +275,7 @@ def contents(path: str | os.PathLike[str]) -> dict[str, Entry]:
     with opened(Path(path)) as (archive, entries):
         for number, (name, entry) in enumerate(entries.items()):
             shapes = {file: _shape(archive, file) for file in archive.namelist() if file.startswith(f"table{number}/")}
-            records = tuple(shapes[leg["arrays"]["rows"]][0] for leg in entry.get("legs", ()))
+            records = tuple(shapes[held["arrays"]["rows"]][0] for held in entry.get("record_tables", ()))
             size = sum(8 * int(np.prod(shape)) for shape in shapes.values())
             found[name] = Entry(Info.from_json(entry["info"]), records, size)
     return found
@@ -278,7 +291,7 @@ def _shape(archive: zipfile.ZipFile, file: str) -> tuple[int, ...]:
 SHIPPED = Path(__file__).resolve().parent.parent / "data" / "tables_2026.npz"
 
 
-def example_tables() -> dict[str, TranslationTable | OrientationTable]:
+def example_tables() -> dict[str, Any]:
     """Return tables of 2026 from DE440 and ITRF93, by name.
 
     ``sun``, ``mars`` (barycentre) and ``emb`` are relative to the Solar System barycentre, ``earth`` to ``emb`` and ``moon`` to

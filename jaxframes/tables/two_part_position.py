@@ -13,7 +13,7 @@ from jaxframes.staging.sharding import rows_at
 from jaxframes.staging.stages import stage
 from jaxframes.tables import evaluate
 from jaxframes.tables.evaluate import Run
-from jaxframes.tables.records import LOW_TERMS, Leg
+from jaxframes.tables.records import LOW_TERMS, RecordTable
 
 Two = tuple[jax.Array, jax.Array]
 
@@ -21,11 +21,11 @@ Two = tuple[jax.Array, jax.Array]
 @jax.jit
 def position(run: Run, hi: Any, lo: Any) -> Two:
     """Return a table's value at epochs (hi, lo) as arrays hi and lo [..., 3]; NaN outside the coverage."""
-    hi, lo = evaluate.recast(hi, lo, run.legs[0].rows.dtype)
+    hi, lo = evaluate.recast(hi, lo, run.record_tables[0].rows.dtype)
 
     def work(run: Run, hi: jax.Array, lo: jax.Array) -> Two:
         dt = evaluate._local(run, hi, lo)
-        totals = [functools.reduce(_add, parts) for parts in zip(*(_leg(leg, *dt) for leg in run.legs), strict=True)]
+        totals = [functools.reduce(_add, parts) for parts in zip(*(_values(records, *dt) for records in run.record_tables), strict=True)]
         high, low = (assemble(tuple(t[k] for t in totals)) for k in (0, 1))
         return high, low
 
@@ -35,24 +35,24 @@ def position(run: Run, hi: Any, lo: Any) -> Two:
     return high + (plain - lax.stop_gradient(plain)), low
 
 
-def _leg(leg: Leg, dt_hi: jax.Array, dt_lo: jax.Array) -> list[Two]:
-    index = leg.record(dt_hi, dt_lo)
-    row = jnp.moveaxis(rows_at(leg.rows, index), -1, 0)
-    terms, count = leg.terms, min(LOW_TERMS, leg.terms)
+def _values(records: RecordTable, dt_hi: jax.Array, dt_lo: jax.Array) -> list[Two]:
+    index = records.serving(dt_hi, dt_lo)
+    row = jnp.moveaxis(rows_at(records.rows, index), -1, 0)
+    terms, count = records.terms, min(LOW_TERMS, records.terms)
     zero = jnp.zeros_like(dt_hi)
-    low = None if leg.low is None else jnp.moveaxis(rows_at(leg.low, index), -1, 0)
+    low = None if records.low is None else jnp.moveaxis(rows_at(records.low, index), -1, 0)
     past = _add(two_sum(dt_hi, -row[-3]), two_sum(dt_lo, -row[-2]))
     s = _divide(past, (row[-1], zero if low is None else low[-1]))
     twice = (s[0] * 2, s[1] * 2)
     out = []
     for axis in range(3):
-        column = [row[k * leg.series + axis] for k in range(terms)]
+        column = [row[k * records.series + axis] for k in range(terms)]
         last, before = zero, zero
         for k in range(terms - 1, count - 1, -1):
             last, before = column[k] + (twice[0] * last - before), last
         wide, wider = (last, zero), (before, zero)
         for k in range(count - 1, -1, -1):
-            c = (column[k], zero if low is None else low[k * leg.series + axis])
+            c = (column[k], zero if low is None else low[k * records.series + axis])
             factor = s if k == 0 else twice
             wide, wider = _add(c, _add(_multiply(factor, wide), (-wider[0], -wider[1]))), wide
         out.append(wide)

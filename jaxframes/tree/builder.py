@@ -9,8 +9,8 @@ from jaxframes.errors import DuplicateNameError, EdgeError, TopologyError, Unkno
 from jaxframes.model.compile import Declared, compile_frames
 from jaxframes.model.properties import freeze, thaw
 from jaxframes.tables.edge_source import TableSource
+from jaxframes.tables.placing import OffersEdges, place
 from jaxframes.tree.frame_tree import FrameTree
-from jaxframes.tree.placing import OffersEdges, place
 
 
 class TreeBuilder:

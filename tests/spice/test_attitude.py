@@ -11,7 +11,7 @@ import pytest
 import jaxframes as jf
 from jaxframes import errors
 from jaxframes.numerics import host_quaternions
-from jaxframes.spice.reading import ck_segments
+from jaxframes.spice.reading import ck_segments, segments
 from tests.spice import orbits
 
 ORIGIN = 820497600.0
@@ -72,7 +72,7 @@ def test_modes_against_cspice_and_the_truth(cspice, tmp_path, rng, name):
     at_knots = smooth.evaluate(jf.Epoch(np.full(len(knots), ORIGIN), knots), 1)
     assert angle(at_knots[0], profile(knots)[0]) < 1e-14
     assert largest(at_knots[1] - profile(knots)[1]) < 1e-13
-    assert smooth.legs[0].first is None  # even knots: no table of cells
+    assert smooth.record_tables[0].first is None  # even knots: no table of cells
 
 
 def test_attitude_rate_and_acceleration_belong_together(tmp_path, rng, dtype):
@@ -123,8 +123,10 @@ def test_gaps_are_kept_named_and_nan(tmp_path, cspice, dtype):
     assert tree.check(state) == ()  # the marks of gaps and of the last record's open end are no errors
     (line,) = tree.check(state.replace(time=jf.Epoch(jnp.asarray(ORIGIN, dtype), jnp.asarray(150.0, dtype))))
     assert "frame 'craft': the time lies after (or in a gap of) the span" in line
-    broken = edge.replace(legs=(dataclasses.replace(edge.legs[0], rows=edge.legs[0].rows.at[2, 3].set(jnp.nan)),))
-    assert any("legs[0].rows, is not finite" in line for line in tree.with_edge("craft", broken).check(state))
+    broken = edge.replace(
+        record_tables=(dataclasses.replace(edge.record_tables[0], rows=edge.record_tables[0].rows.at[2, 3].set(jnp.nan)),)
+    )
+    assert any("record_tables[0].rows, is not finite" in line for line in tree.with_edge("craft", broken).check(state))
 
 
 @pytest.mark.float64
@@ -147,7 +149,7 @@ def test_constant_spins_type_2(cspice, tmp_path, rng):
         assert largest(w_got - reference[1]) < 1e-14
         assert largest(alpha) < 1e-14
     assert edge.coverage_code(ORIGIN + 1900.0) == 1
-    assert edge.legs[0].rows.shape[0] == 5  # three spins, the gap, one spin
+    assert edge.record_tables[0].rows.shape[0] == 5  # three spins, the gap, one spin
 
 
 @pytest.mark.float64
@@ -167,7 +169,7 @@ def test_day_long_spins_of_a_clock_that_counts_terrestrial_time(tmp_path, paths,
     assert angle(smooth.evaluate(epochs, 0)[0], truth) < 3e-11
     assert largest(np.asarray(edge.evaluate(epochs, 1)[1]) - spin) < 1e-15
     assert largest(np.asarray(smooth.evaluate(epochs, 1)[1]) - spin) < 2e-10  # the derivative by TDB; the kernel's is by TT
-    assert edge.legs[0].rows.shape[0] < 100
+    assert edge.record_tables[0].rows.shape[0] < 100
 
 
 @pytest.mark.float64
@@ -213,7 +215,7 @@ def test_later_segments_win_and_gaps_fall_through(cspice, tmp_path, rng):
 def test_thousands_of_segments_with_gaps_take_no_longer_each():
     def run(begin, end):
         one, nothing = np.ones(1), np.zeros((1, 3))
-        segment = ck_segments.CkSegment("x.bc", 1, -77000, 1, 3, True, begin, end, 1, 2, "ONE")
+        segment = segments.CkSegment("x.bc", 1, -77000, 1, 3, True, begin, end, 1, 2, "ONE")
         return segment, ck_segments.Intervals(
             begin * one, end * one, np.array([[1.0, 0, 0, 0]]), nothing, nothing, nothing, one < 0, 0 * one
         )
@@ -245,7 +247,9 @@ def test_clocks_that_drift_and_count_terrestrial_time(cspice, tmp_path, paths, r
     bound = 1e-9  # CSPICE rounds epochs and ticks to 1.2e-7 s; the slew turns 2e-3 rad/s
     assert angle(got[0], reference[0]) < bound
     assert largest(got[1] - reference[1]) < bound
-    assert edge.legs[0].rows.shape[0] == len(knots) - 1 + 2  # knots at counts of twenty, and the two changes of the rate between them
+    assert (
+        edge.record_tables[0].rows.shape[0] == len(knots) - 1 + 2
+    )  # knots at counts of twenty, and the two changes of the rate between them
 
 
 @pytest.mark.float64
@@ -291,7 +295,7 @@ def test_what_is_missing_is_named(tmp_path):
             with pytest.raises(errors.CoverageError, match=rf"orientation of TESTCRAFT[\s\S]*asked:[\s\S]*missing: {missing}"):
                 kernels.orientation(frame="TESTCRAFT", start=start, stop=stop)
         edge = kernels.orientation(frame="TESTCRAFT", start=ORIGIN, stop=ORIGIN + 50.0)
-    assert edge.legs[0].rows.shape[0] == 5
+    assert edge.record_tables[0].rows.shape[0] == 5
 
 
 @pytest.mark.parametrize("fitted", [False, True])

@@ -98,7 +98,7 @@ def test_a_segment_without_records_is_never_fitted(tmp_path, rng, correction):
     path = made.spk(tmp_path / "excerpt.bsp", segments)
     words = np.fromfile(path)
     with jf.spice.Kernels(path) as kernels:
-        last = kernels._segments[1].last
+        last = kernels._pool.segments[1].last
     assert words[last - 1] == 3
     words[last - 4 : last] = 0
     words.tofile(path)
@@ -116,7 +116,7 @@ def test_an_answer_that_does_not_come_ends_the_process(paths):
     with pytest.raises(errors.SpiceError, match="closed"):
         process.call("version", doing="asking")
     with jf.spice.Kernels(paths[1], timeout=None) as kernels:
-        assert kernels._process.call("wait", 0.01, doing="sleeping") is None
+        assert kernels._pool.process.call("wait", 0.01, doing="sleeping") is None
 
 
 def test_the_users_pool_is_untouched_by_errors_and_threads(cspice, tmp_path, rng):

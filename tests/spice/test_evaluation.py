@@ -115,15 +115,19 @@ def test_gradient_by_the_coefficients(moon):
         return jnp.sum(p @ weights) + 1e3 * jnp.sum(v @ weights) + 1e6 * jnp.sum(a @ weights)
 
     gradient = jax.grad(loss)(moon)
-    rows = gradient.legs[0].rows
+    rows = gradient.record_tables[0].rows
     assert not rows[:, -3:].any()  # the records' place in time counts as constant
     assert int((np.abs(rows).max(1) > 0).sum()) == 2
     rng = np.random.default_rng(0)
     change = jax.tree.map(jnp.zeros_like, moon)
     delta = jnp.asarray(rng.normal(size=rows.shape)).at[:, -3:].set(0.0)
-    change = change.replace(legs=(jax.tree.unflatten(jax.tree.structure(change.legs[0]), [delta, *jax.tree.leaves(change.legs[0])[1:]]),))
+    change = change.replace(
+        record_tables=(
+            jax.tree.unflatten(jax.tree.structure(change.record_tables[0]), [delta, *jax.tree.leaves(change.record_tables[0])[1:]]),
+        )
+    )
     forward = jax.jvp(loss, (moon,), (change,))[1]
-    moved = moon.replace(legs=jax.tree.map(lambda a, b: a + b, moon.legs, change.legs))
+    moved = moon.replace(record_tables=jax.tree.map(lambda a, b: a + b, moon.record_tables, change.record_tables))
     assert np.isclose(forward, jnp.sum(rows * delta), rtol=1e-12)
     assert np.isclose(forward, loss(moved) - loss(moon), rtol=1e-4)  # linear: what is left is rounding of the losses
 

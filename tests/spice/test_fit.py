@@ -5,8 +5,8 @@ import pytest
 
 import jaxframes as jf
 from jaxframes.errors import CoverageError, NoPathError, ToleranceError
-from jaxframes.spice.fitting.orientation import TurnModel
-from jaxframes.spice.fitting.translation_model import StateModel
+from jaxframes.spice.fitting.rotation_model import RotationModel
+from jaxframes.spice.fitting.translation_model import TranslationModel
 from tests.spice import orbits
 
 T = jf.spice.Tolerance
@@ -31,7 +31,7 @@ def test_tolerances_are_met_within_few_bytes(kernels, rng, target, center, posit
     worst = jf.spice.compare(kernels, edge, seconds(rng))
     assert worst.value <= position
     assert worst.rate <= velocity
-    assert edge.legs[0].rows.nbytes < bytes_a_day * 365
+    assert edge.record_tables[0].rows.nbytes < bytes_a_day * 365
     assert measured(edge, "position error") <= position
     exact = kernels.translation(target=target, center=center, **SPAN)
     times = seconds(rng, 300)
@@ -55,8 +55,8 @@ def test_tolerances_are_met_within_few_bytes(kernels, rng, target, center, posit
 @pytest.mark.float64
 def test_records_lie_on_the_kernels_own(kernels, rng):
     edge = kernels.translation(target="MOON", center="EARTH", tolerance=T(position=1e-5, velocity=1e-9), **SPAN)
-    assert (820454400 + float(edge.legs[0].grid[0]) + 14200747200) % 345600 == 0
-    assert float(edge.legs[0].grid[2]) <= 345600
+    assert (820454400 + float(edge.record_tables[0].grid[0]) + 14200747200) % 345600 == 0
+    assert float(edge.record_tables[0].grid[2]) <= 345600
     worst = jf.spice.compare(kernels, edge, seconds(rng))
     assert worst.value < 1e-6  # the rounding of epochs alone would be 6e-5 m
     assert worst.rate < 1e-11
@@ -66,7 +66,7 @@ def test_records_lie_on_the_kernels_own(kernels, rng):
 def test_a_size_is_kept_and_used(kernels, rng):
     small, large = (kernels.translation(target="MOON", center="EARTH", size=size, **SPAN) for size in (8_000, 20_000))
     for edge, size in ((small, 8_000), (large, 20_000)):
-        assert 0.6 * size < edge.legs[0].rows.nbytes <= size
+        assert 0.6 * size < edge.record_tables[0].rows.nbytes <= size
     errors = [jf.spice.compare(kernels, edge, seconds(rng, 200)).value for edge in (small, large)]
     assert errors[1] < errors[0] / 100
     with pytest.raises(ToleranceError, match=r"\d+ bytes are needed .* more than size=8000"):
@@ -78,7 +78,7 @@ def test_a_size_is_kept_and_used(kernels, rng):
 @pytest.mark.parametrize("size", [4_000, 20_000, 60_000])
 def test_a_size_is_kept_in_both_layouts(kernels, rng, layout, size):
     edge = kernels.translation(target="MOON", center="EARTH", size=size, layout=layout, **SPAN)
-    assert 0.5 * size < edge.legs[0].bytes <= size
+    assert 0.5 * size < edge.record_tables[0].bytes <= size
     even = kernels.translation(target="MOON", center="EARTH", size=size, **SPAN)
     worst = jf.spice.compare(kernels, edge, seconds(rng, 500)).value
     assert worst <= 1.5 * measured(edge, "position error")
@@ -95,7 +95,7 @@ def test_dyadic_records_of_a_size_go_where_the_motion_is_fast(cspice, tmp_path, 
         even, uneven = (kernels.translation(target=-77, center=399, size=30_000, layout=layout) for layout in ("uniform", "dyadic"))
         at = rng.integers(0, 172800 * 64, 1000) / 64
         worst = [jf.spice.compare(kernels, edge, at).value for edge in (even, uneven)]
-    assert uneven.legs[0].bytes <= 30_000
+    assert uneven.record_tables[0].bytes <= 30_000
     assert worst[1] < worst[0] / 20
 
 
@@ -131,8 +131,8 @@ def test_types_that_are_not_polynomials_and_dyadic_records(cspice, tmp_path, rng
         with pytest.raises(ToleranceError, match="layout='square'"):
             kernels.translation(target=-77, center=399, tolerance=T(position=1e-2), layout="square")
     assert max(worst) <= 1e-2
-    assert edges[1].legs[0].bytes < edges[0].legs[0].bytes / 2  # the perigee alone needs short records
-    assert edges[0].legs[0].first is None
+    assert edges[1].record_tables[0].bytes < edges[0].record_tables[0].bytes / 2  # the perigee alone needs short records
+    assert edges[0].record_tables[0].first is None
     for edge in edges:
         truth = orbits.two_body(orbits.MOLNIYA, at)
         assert np.linalg.norm(np.asarray(edge.evaluate(at, 0)[0]) - truth[0], axis=1).max() <= 1.1e-2
@@ -172,7 +172,7 @@ def test_why_cspice_has_no_orientation_is_passed_on(paths, tmp_path):
 def asked(monkeypatch):
     """How many epochs CSPICE was asked about by fits: their cost, whatever the machine."""
     counts = []
-    for model in (StateModel, TurnModel):
+    for model in (TranslationModel, RotationModel):
         original = model.sample
 
         def sample(self, times, original=original):
@@ -238,7 +238,7 @@ def test_two_parts_hold_the_moon_in_float32(kernels, cspice, rng, dtype):
         assert (np.abs(np.asarray(lo, float)) <= np.spacing(np.abs(np.asarray(hi)))).all()
         assert np.isnan(np.asarray(edge.evaluate_two_part(np.array([0.0]))[0])).all()
     if dtype == np.float32:
-        assert edge.legs[0].low is not None
+        assert edge.record_tables[0].low is not None
         wide = edge.astype(np.float32)
         np.testing.assert_array_equal(wide.evaluate_two_part(times)[1], lo)
 
@@ -409,7 +409,7 @@ def test_records_that_fail_where_they_were_not_probed_are_made_shorter(framed, r
         edge = framed.orientation(frame="TESTYEAR", tolerance=T(angle=angle, rate=1e-13), **span)
         worst = jf.spice.compare(framed, edge, rng.uniform(802008000, 817819200, 1000))
         assert worst.value <= angle
-        assert edge.legs[0].rows.shape[0] <= 4
+        assert edge.record_tables[0].rows.shape[0] <= 4
 
 
 @pytest.mark.float64
@@ -439,7 +439,7 @@ def test_a_small_nutation_of_a_fast_spinner_is_followed(tmp_path, cspice, layout
     with jf.spice.Kernels([*orbits.clock(tmp_path), tmp_path / "5.bc"]) as kernels:
         edge = kernels.orientation(frame="TESTCRAFT", tolerance=T(angle=1e-6), layout=layout)
     assert measured(edge, "angle error") <= 1e-6
-    assert 32 <= edge.legs[0].rows.shape[0] <= 128
+    assert 32 <= edge.record_tables[0].rows.shape[0] <= 128
 
 
 def test_attitudes_without_rates_need_no_fit(tmp_path):
@@ -448,4 +448,4 @@ def test_attitudes_without_rates_need_no_fit(tmp_path):
     with jf.spice.Kernels([*orbits.clock(tmp_path), path]) as kernels:
         with pytest.raises(NoPathError, match=r"TESTCRAFT hold no angular velocities.*leave tolerance= out"):
             kernels.orientation(frame="TESTCRAFT", tolerance=T(angle=1e-6))
-        assert kernels.orientation(frame="TESTCRAFT").legs[0].rows.shape[0] == 10
+        assert kernels.orientation(frame="TESTCRAFT").record_tables[0].rows.shape[0] == 10

@@ -94,7 +94,7 @@ def test_positions_within_a_metre_and_a_millimetre(cspice, tmp_path, rng, write,
         worst = jf.spice.compare(kernels, edge, np.floor(rng.uniform(start, stop, 1000) * 64) / 64)
     assert worst.value <= bound
     assert worst.rate <= 1.5 * measured(edge, "velocity error")
-    assert edge.legs[0].bytes < 400_000
+    assert edge.record_tables[0].bytes < 400_000
 
 
 @pytest.mark.parametrize(("write", "apart"), [(conic, 4.33), (lagrange, 0.46)], ids=["conic", "lagrange"])
@@ -158,4 +158,4 @@ def test_a_size_alone_gives_the_better_of_positions_and_velocities(cspice, tmp_p
         for layout in ("uniform", "dyadic"):
             edge = kernels.translation(target=-77, center=399, size=40_000, layout=layout)
             assert jf.spice.compare(kernels, edge, np.floor(rng.uniform(0, DAY, 500))).value < 1e-5
-            assert edge.legs[0].bytes <= 40_000
+            assert edge.record_tables[0].bytes <= 40_000

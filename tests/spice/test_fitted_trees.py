@@ -50,7 +50,7 @@ def test_a_tree_of_a_spacecraft_that_has_to_be_fitted(cspice, files):
     assert tree.parent(craft) == "EARTH"
     assert tree.edge(craft).info.method == "uniform fit of CSPICE's velocities"
     assert tree.edge("TESTCRAFT").info.kind == "cayley"
-    np.testing.assert_array_equal(tree.edge("MOON").legs[0].rows, exact.legs[0].rows)  # what is exact stays so
+    np.testing.assert_array_equal(tree.edge("MOON").record_tables[0].rows, exact.record_tables[0].rows)  # what is exact stays so
     times = ORIGIN + np.array([1.0, 777.0, 2890.0])
     reference = seen(cspice, files, "MOON", "TESTCRAFT", "-77", times)
     for t, wanted in zip(times, reference, strict=True):

@@ -1,7 +1,5 @@
 """Fixed frames as tables: named, saved, listed, merged, and placed by their ids."""
 
-from pathlib import Path
-
 import jax
 import numpy as np
 import pytest
@@ -12,7 +10,6 @@ from tests.spice.test_fixed_frames import FRAMES
 from tests.spice.test_orientation import angles, matrices
 from tests.spice.test_store import equal
 
-DATA = Path(__file__).parent.parent / "data"
 SPAN = {"start": "2026-01-01", "stop": "2026-02-01"}
 TIME = 820497600.0 + 86400.0
 
@@ -113,20 +110,3 @@ def test_a_fixed_frame_is_turned_round_where_the_root_asks_for_it(tables, cspice
     found = tree.transform(tree.state(time=TIME), of="EARTH", relative_to="plane").translation
     reference = np.array(cspice.spkezr("EARTH", TIME, "ECLIPJ2000", "NONE", "SSB")[0][:3]) * 1e3
     assert np.linalg.norm(np.asarray(found, float) - reference) <= (1e-3 if dtype == np.float64 else 5e4)
-
-
-def test_a_file_of_schema_2_gives_the_values_it_was_written_with(dtype):
-    loaded = jf.spice.load(DATA / "tables_schema2.npz")
-    assert list(loaded) == ["orbit", "knots", "spice", "fitted", "mars"]
-    stored = np.load(DATA / "tables_schema2_values.npz")
-    for name, table in loaded.items():
-        for i, value in enumerate(table.evaluate(stored[f"{name}/0"]), 1):
-            reference = stored[f"{name}/{i}"]
-            bound = (4e-15 if dtype == np.float64 else 2e-5) * max(np.abs(reference).max(), 1e-3)
-            assert np.abs(np.asarray(value) - reference).max() <= bound, (name, i)
-    assert {entry.info.kind for entry in jf.spice.contents(DATA / "tables_schema2.npz").values()} == {
-        "translation",
-        "knots",
-        "cayley",
-        "iau",
-    }

@@ -59,7 +59,7 @@ def test_empty_names(kernels, moon, empty):
             with pytest.raises(errors.UnknownBodyError, match=f"^{role} {away}body"):
                 call(given)
     for role, given in (("frame", {"frame": empty}), ("relative_to", {"frame": "ITRF93", "relative_to": empty})):
-        for call in (lambda given: kernels.orientation(**given, **span), lambda given: kernels.turns(**given, times=[0.0])):
+        for call in (lambda given: kernels.orientation(**given, **span), lambda given: kernels.rotations(**given, times=[0.0])):
             with pytest.raises(errors.UnknownAxesError, match=f"^{role} {away}frame, such as 'J2000'"):
                 call(given)
     with pytest.raises(errors.UnknownAxesError, match=f"^frame {away}frame"):
@@ -87,7 +87,7 @@ def test_the_current_directory_is_a_path(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for here in (".", Path(), ["names.tf"], (p for p in ["names.tf"])):
         with jf.spice.Kernels(here) as kernels:
-            assert kernels._text == [tmp_path / "names.tf"]
+            assert kernels._pool.text == [tmp_path / "names.tf"]
 
 
 @pytest.mark.parametrize("timeout", ["x", "5", -1, 0, 0.0, np.nan, np.inf, 1e300, 10**400, True, [5.0]])
@@ -99,7 +99,7 @@ def test_time_outs_that_are_none(timeout):
 @pytest.mark.parametrize("timeout", [None, 30, np.float32(30.0), Fraction(60, 2)])
 def test_time_outs(timeout):
     with jf.spice.Kernels(PCK, timeout=timeout) as kernels:
-        assert kernels._process._timeout == (timeout if timeout is None else 30.0)
+        assert kernels._pool.process._timeout == (timeout if timeout is None else 30.0)
 
 
 @pytest.mark.parametrize("bridge", [-5, np.nan, "15", True, [15.0]])
@@ -121,3 +121,16 @@ def test_what_kernels_are(kernels, paths):
     with jf.spice.Kernels(PCK) as one:
         assert repr(one) == "Kernels(1 file, 0 bodies)"
     assert repr(one) == "Kernels(1 file, 0 bodies, closed)"
+
+
+def test_a_span_that_ends_at_j2000_or_starts_there(kernels):
+    """Zero seconds are an instant like any other, also where there are no data to take the other end from."""
+    nothing = 987654
+    for start, stop in ((None, 0.0), (0.0, None), (None, "2000-01-01T12:00:00"), (None, 5.0), (7.0, None)):
+        low, high = kernels._pool.span(start, stop, "SPK", (nothing,))
+        assert low < high
+        assert start is None or low == start
+        assert stop is None or high == (stop if isinstance(stop, float) else 0)
+        with pytest.raises(errors.NoPathError):
+            kernels.translation(target=nothing, center="EARTH", start=start, stop=stop)
+    assert kernels.translation(target="MOON", center="EARTH", start="1999-12-01", stop=0.0).info.stop == "0"

@@ -8,7 +8,7 @@ import pytest
 
 import jaxframes as jf
 from jaxframes.spice.extraction import joining
-from jaxframes.spice.extraction.orientation import quaternion
+from jaxframes.spice.extraction.constant_in_time import quaternion
 from jaxframes.tables.info import decimal
 from jaxframes.tables.instants import exact_seconds, reference_day, split
 

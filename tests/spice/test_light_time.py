@@ -130,8 +130,8 @@ def test_forward_and_reverse_derivatives(tree, look_at, times):
     distance = lambda tree, t: jnp.linalg.norm(look(tree, t))
     # All of Mars moved along x: the light time changes too, which is what the implicit derivative is about.
     mars = tree.edge(MARS)
-    moved = lambda d: (dataclasses.replace(mars.legs[0], rows=mars.legs[0].rows.at[:, 0].add(d)), *mars.legs[1:])
-    along = jax.jit(lambda d: distance(tree.with_edge(MARS, mars.replace(legs=moved(d))), t))
+    moved = lambda d: (dataclasses.replace(mars.record_tables[0], rows=mars.record_tables[0].rows.at[:, 0].add(d)), *mars.record_tables[1:])
+    along = jax.jit(lambda d: distance(tree.with_edge(MARS, mars.replace(record_tables=moved(d))), t))
     np.testing.assert_allclose(jax.jit(jax.grad(along))(0.0), (along(500.0) - along(-500.0)) / 1000.0, rtol=1e-7)
 
 

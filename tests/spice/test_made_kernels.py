@@ -44,7 +44,7 @@ def test_records_of_unequal_length(cspice, tmp_path, rng):
     path = made.spk(tmp_path / "unequal.bsp", segments)
     times = rng.uniform(0, start, 2000)
     edge = check(cspice, path, -77, 399, times)
-    (leg,) = edge.legs
+    (leg,) = edge.record_tables
     assert leg.first is not None
     assert leg.compares >= 1
     inside = 300.0 + 4 * 37.5 + 2 * 250.25 + rng.uniform(0, 0.125, 50)  # the record that is an eighth of a second long
@@ -74,10 +74,10 @@ def test_segments_that_join_on_one_grid_stay_uniform(cspice, tmp_path, rng):
     ]
     path = made.spk(tmp_path / "joined.bsp", segments)
     edge = check(cspice, path, -77, 399, rng.uniform(0, 1500, 500))
-    assert edge.legs[0].first is None
-    assert edge.legs[0].rows.shape == (15, 30)
+    assert edge.record_tables[0].first is None
+    assert edge.record_tables[0].rows.shape == (15, 30)
     cropped = check(cspice, path, -77, 399, rng.uniform(433, 1120, 500), start=433.0, stop=1120.0)
-    assert cropped.legs[0].rows.shape[0] == 8
+    assert cropped.record_tables[0].rows.shape[0] == 8
 
 
 def test_types_2_and_3_in_one_span(cspice, tmp_path, rng):
@@ -111,8 +111,8 @@ def test_legs_on_one_grid_are_combined_and_others_summed(cspice, tmp_path, rng):
     path = made.spk(tmp_path / "tree.bsp", segments)
     times = rng.uniform(0, 600, 300)
     edge = check(cspice, path, -77, -78, times)
-    assert [leg.terms for leg in edge.legs] == [9]
-    assert len(check(cspice, path, 399, -78, times).legs) == 2
+    assert [leg.terms for leg in edge.record_tables] == [9]
+    assert len(check(cspice, path, 399, -78, times).record_tables) == 2
 
 
 def test_a_center_that_changes_is_refused(tmp_path, rng):
@@ -162,7 +162,7 @@ def test_a_sliver_of_a_record_costs_comparisons_not_cells(cspice, tmp_path, rng)
     segments += [(2, -77, 399, "J2000", 5000.001, 5000.002, 5000.0, 50.0, made.coefficients(rng, 1, 3, 4))]
     path = made.spk(tmp_path / "sliver.bsp", segments)
     edge = check(cspice, path, -77, 399, np.concatenate([rng.uniform(0, 1e6, 1000), rng.uniform(4999.999, 5000.003, 200)]))
-    (leg,) = edge.legs
+    (leg,) = edge.record_tables
     assert leg.first.shape[0] < 2000
     assert leg.compares >= 4
 

@@ -10,10 +10,11 @@ import pytest
 
 import jaxframes as jf
 from jaxframes.tables.attitude import AttitudeTable, CayleyTable
-from jaxframes.tables.base import OrientationTable, TranslationTable
 from jaxframes.tables.evaluate import BLOCK
 from jaxframes.tables.info import Info
-from jaxframes.tables.records import to_leg
+from jaxframes.tables.orientation import OrientationTable
+from jaxframes.tables.records import to_record_table
+from jaxframes.tables.translation import TranslationTable
 from tests.compilations import compilations
 from tests.lowered import stages
 
@@ -38,7 +39,7 @@ def leg(rng, records, width, series, uneven, scale):
     if uneven:
         arrays["first"] = np.searchsorted(ends, SPAN / records * np.arange(records), side="right").astype(float)
         arrays["ends"] = np.stack([[*ends[:-1], np.inf], np.zeros(records)], 1)
-    return to_leg(arrays, series, 2 if uneven else 0)
+    return to_record_table(arrays, series, 2 if uneven else 0)
 
 
 def table(kind, rng, records, name):
@@ -53,21 +54,25 @@ def table(kind, rng, records, name):
         rows[:, :4], rows[:, 4:7] = start / np.linalg.norm(start, axis=1)[:, None], axis / np.linalg.norm(axis, axis=1)[:, None]
         rows[:, -3] -= rows[:, -1]  # an interval is known by its start and its length
         rows[:, -1] *= 2
-        return AttitudeTable(legs=(replace(made, rows=jnp.asarray(rows)),), mode="smooth", **common)
+        return AttitudeTable(record_tables=(replace(made, rows=jnp.asarray(rows)),), mode="smooth", **common)
     if kind == "cayley":
         spins = rng.normal(size=(records, 8))
         for part in (slice(0, 4), slice(4, 7)):
             spins[:, part] /= np.linalg.norm(spins[:, part], axis=1)[:, None]
         spins[:, 7] *= 1e-3
-        return CayleyTable(legs=(leg(rng, records, 24, 3, False, 0.1 * falling),), spins=jnp.asarray(spins, made_dtype()), **common)
+        return CayleyTable(
+            record_tables=(leg(rng, records, 24, 3, False, 0.1 * falling),), spins=jnp.asarray(spins, made_dtype()), **common
+        )
     if kind == "orientation":
         placement = jf.Rotation.from_rpy(*rng.normal(size=3)).wxyz
-        return OrientationTable(legs=(leg(rng, records, 24, 3, False, falling),), placement=jnp.asarray(placement, made_dtype()), **common)
+        return OrientationTable(
+            record_tables=(leg(rng, records, 24, 3, False, falling),), placement=jnp.asarray(placement, made_dtype()), **common
+        )
     series = 6 if kind == "own rates" else 3
     legs = [leg(rng, records, 8 * series, series, kind == "uneven", np.repeat(0.4 ** np.arange(8), series))]
     if kind == "two runs":
         legs.append(leg(rng, records + 3, 24, 3, True, falling))
-    return TranslationTable(legs=tuple(legs), **common)
+    return TranslationTable(record_tables=tuple(legs), **common)
 
 
 def made_dtype():
@@ -146,11 +151,11 @@ def test_gradients_by_time_and_by_coefficients():
     tangent = jax.jvp(lambda et: below(tree, et).transform.translation, (et,), (jnp.ones(2),))[1]
     np.testing.assert_allclose(tangent, below(tree, et).velocity.linear, rtol=1e-12)
     loss = lambda tree: jnp.sum(below(tree, et).transform.translation[:, 3] ** 2)
-    gradient = jax.jit(jax.grad(loss))(tree).get("t3.legs")[0].rows
+    gradient = jax.jit(jax.grad(loss))(tree).get("t3.record_tables")[0].rows
     step = np.zeros(gradient.shape)
     step[tuple(np.argwhere(np.abs(gradient) > 0)[4])] = 1e-5
-    legs = tree.get("t3.legs")
-    moved = [loss(tree.with_values({"t3.legs": (replace(legs[0], rows=legs[0].rows + s * step),)})) for s in (1, -1)]
+    legs = tree.get("t3.record_tables")
+    moved = [loss(tree.with_values({"t3.record_tables": (replace(legs[0], rows=legs[0].rows + s * step),)})) for s in (1, -1)]
     np.testing.assert_allclose(np.sum(gradient * step), (moved[0] - moved[1]) / 2, rtol=1e-6)
 
 
@@ -179,4 +184,4 @@ def test_single_queries_and_named_numbers_of_tables_that_are_stored_together():
     pose = tree.transform(state, of="t3", relative_to="t65")
     np.testing.assert_allclose(pose.translation, tables[3].evaluate(321.0)[0] - tables[65].evaluate(321.0)[0], rtol=1e-12)
     assert tree.edge("t65").info.of == "t65"
-    chex.assert_trees_all_equal(tree.get("t65.legs"), tree.edge("t65").legs)
+    chex.assert_trees_all_equal(tree.get("t65.record_tables"), tree.edge("t65").record_tables)

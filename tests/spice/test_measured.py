@@ -5,6 +5,7 @@ import pytest
 
 import jaxframes as jf
 from jaxframes.errors import TableError
+from jaxframes.spice.extraction import read_records
 from tests.spice import made, orbits
 from tests.spice.test_iau import PCK
 
@@ -44,17 +45,14 @@ def test_positions(kernels, rng, options, position, velocity):
 
 def test_what_a_table_gets_wrong_is_measured(kernels, rng, monkeypatch):
     """Numbers spoiled on the way from the kernel show in the report: it is measured, not copied."""
-    from jaxframes.spice.extraction import node_segments
-    from jaxframes.spice.reading import segments
+    original = read_records.read_chebyshev
 
-    original = segments.read_records
-
-    def spoiled(process, piece):
-        records = original(process, piece)
+    def spoiled(pool, piece):
+        records = original(pool, piece)
         records.coefficients[:, 0, 3] += 1e-3  # a metre in x, of the third degree
         return records
 
-    monkeypatch.setattr(node_segments, "read_records", spoiled)
+    monkeypatch.setattr(read_records, "read_chebyshev", spoiled)
     edge = kernels.translation(target="MOON", center="EARTH BARYCENTER", **SPAN)
     assert measured(edge, "position error") == pytest.approx(1.0, rel=0.05)
     assert measured(edge, "velocity error") == pytest.approx(9 / 172800, rel=0.3)
@@ -121,14 +119,14 @@ def test_attitudes_without_rates_and_at_instants(tmp_path):
 
 def test_measuring_costs_some_hundred_calls(kernels, monkeypatch):
     asked = []
-    original = type(kernels._process).call
+    original = type(kernels._pool.process).call
 
     def call(self, method, *arguments, doing):
-        if method in ("states", "attitudes", "turns"):
+        if method in ("states", "attitudes_or_nan", "rotations"):
             asked.append(len(arguments[3 if method == "states" else 2]))
         return original(self, method, *arguments, doing=doing)
 
-    monkeypatch.setattr(type(kernels._process), "call", call)
+    monkeypatch.setattr(type(kernels._pool.process), "call", call)
     kernels.translation(target="MOON", center="EARTH")
     assert 200 <= sum(asked) < 600
 

@@ -40,8 +40,8 @@ def test_nodes_become_records_exactly(cspice, tmp_path, rng, kind, degree, orbit
     edge, position, velocity, acceleration = table_of(cspice, path, at)
     assert position < 5e-8
     window = degree + 1 if kind in (8, 9) else (degree + 1) // 2
-    assert edge.legs[0].terms == degree + 1
-    assert (edge.legs[0].first is None) == (window % 2 == 0)  # between nodes: uniform; half way between them: not at the ends
+    assert edge.record_tables[0].terms == degree + 1
+    assert (edge.record_tables[0].first is None) == (window % 2 == 0)  # between nodes: uniform; half way between them: not at the ends
     if kind in (12, 13):
         assert velocity < 1e-9
         truth = orbits.two_body(orbit, at - ORIGIN)[2]
@@ -61,15 +61,15 @@ def test_irregular_nodes_over_directories(cspice, tmp_path, rng, kind, degree, b
     edge, position, velocity, _ = table_of(cspice, path, epochs(rng, ORIGIN + times[0], ORIGIN + times[-1]))
     assert position < bounds[0]
     assert velocity < bounds[1]
-    assert edge.legs[0].first is not None
-    assert edge.legs[0].compares <= 2
+    assert edge.record_tables[0].first is not None
+    assert edge.record_tables[0].compares <= 2
 
 
 def test_part_of_a_segment_reads_only_what_serves_it(cspice, tmp_path, rng):
     path = orbits.nodes(tmp_path / "n.bsp", 13, orbits.LEO, np.arange(0, 7200.1, 60.0), 7)
     with jf.spice.Kernels(path) as kernels:
         edge = kernels.translation(target=-77, center=399, start=1000.0, stop=1500.0)
-    assert edge.legs[0].rows.shape[0] == 9
+    assert edge.record_tables[0].rows.shape[0] == 9
     cspice.furnsh(path)
     times = rng.uniform(1000, 1500, 100)
     assert lengths(np.asarray(edge.evaluate(times, 0)[0]) - made.states(-77, 399, times)[:, :3]) < 2e-8
@@ -112,7 +112,7 @@ def test_velocities_as_series_type_20(cspice, tmp_path, rng):
     cspice.spkcls(handle)
     at = first + np.concatenate([rng.uniform(0, count * days * 86400, 300), [0.0, count * days * 86400]])
     edge, position, velocity, _ = table_of(cspice, path, at)
-    assert edge.legs[0].rows.shape == (count, 3 * terms + 3)
+    assert edge.record_tables[0].rows.shape == (count, 3 * terms + 3)
     scale = np.abs(made.states(-77, 399, at)).max(0)
     assert position <= 8 * np.spacing(scale[:3].max())
     assert velocity <= 8 * np.spacing(scale[3:].max())
@@ -120,9 +120,9 @@ def test_velocities_as_series_type_20(cspice, tmp_path, rng):
 
 def test_chains_composed_on_one_grid(kernels, cspice, rng):
     whole = kernels.translation(target="MOON", center="SSB", start="2026-01-01", stop="2028-01-01", compose=True)
-    assert len(whole.legs) == 1
-    assert whole.legs[0].first is None
-    assert whole.legs[0].rows.nbytes < 65_000
+    assert len(whole.record_tables) == 1
+    assert whole.record_tables[0].first is None
+    assert whole.record_tables[0].rows.nbytes < 65_000
     assert "composed in double-double" in whole.report()
     times = rng.integers(820497600, 883569600, 600).astype(float)
     reference = np.array([cspice.spkez(301, t, "J2000", "NONE", 0)[0] for t in times]) * 1e3

@@ -115,3 +115,22 @@ def test_a_known_frame_must_cover_the_span_asked_for(kernels):
     with pytest.raises(errors.CoverageError, match=r"frame 'EARTH BARYCENTER' is in the tree already"):
         builder.add_spice(kernels, body="EARTH", frame=1, start="2026-01-05", stop="2026-03-01")
     assert builder.names == names
+
+
+def test_loaded_tables_are_a_dict_that_a_builder_takes(links, itrf93, tmp_path):
+    jf.spice.save(tmp_path / "links.npz", {**links, "itrf93": itrf93})
+    loaded = jf.spice.load(tmp_path / "links.npz")
+    assert type(loaded) is dict
+    assert list(loaded) == [*links, "itrf93"]
+    for source in (loaded, list(loaded.values()), tuple(loaded.values())):
+        builder = jf.TreeBuilder(root="SSB")
+        assert builder.add_spice(source, body="MOON", frame="ITRF93") == "ITRF93 @ MOON"
+        assert builder.names == ("SSB", "EARTH BARYCENTER", "MOON", "ITRF93 @ MOON")
+    alone = jf.TreeBuilder(root="EARTH")
+    assert alone.add_spice(loaded["moon<-earth"], body="MOON", frame="J2000") == "MOON"
+
+
+@pytest.mark.parametrize("nothing", [{}, [], (), "MOON", 301, None])
+def test_what_holds_no_tables_is_refused(nothing):
+    with pytest.raises(errors.EdgeError, match=r"add_spice takes jf\.spice\.Kernels or tables made by them, found"):
+        jf.TreeBuilder(root="SSB").add_spice(nothing, body="MOON")

@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -11,6 +12,7 @@ import pytest
 
 import jaxframes as jf
 from jaxframes import errors
+from jaxframes.spice.reading.worker import send
 from tests.spice import made
 
 PROBE = """
@@ -56,12 +58,12 @@ def alive(pid):
 
 def test_the_process_ends_with_the_block_and_with_the_object(paths):
     with jf.spice.Kernels(paths[1]) as kernels:
-        pid = kernels._process._popen.pid
+        pid = kernels._pool.process._popen.pid
         assert alive(pid)
     assert not alive(pid)
     kernels.close()
     forgotten = jf.spice.Kernels(paths[1])
-    pid = forgotten._process._popen.pid
+    pid = forgotten._pool.process._popen.pid
     del forgotten
     gc.collect()
     deadline = time.monotonic() + 10
@@ -72,7 +74,7 @@ def test_the_process_ends_with_the_block_and_with_the_object(paths):
 
 def test_a_process_that_dies_is_a_damaged_kernel(paths):
     kernels = jf.spice.Kernels(paths[0])
-    kernels._process._popen.kill()
+    kernels._pool.process._popen.kill()
     with pytest.raises(errors.BadKernelError, match=r"CSPICE broke down while .*\(exit code -9\)"):
         kernels.translation(target="MOON", center="EARTH", start="2026-01-01", stop="2026-02-01")
     with pytest.raises(errors.SpiceError, match="closed"):
@@ -128,7 +130,7 @@ def test_names_longer_than_cspice_takes(tmp_path, rng, cspice, length):
         with jf.spice.Kernels(paths) as kernels:
             edge = kernels.translation(target="CRAFT", center=399)
             assert [row[4] for row in kernels.coverage("CRAFT")] == ["craft.bsp"]
-            links = kernels._names._folder
+            links = kernels._pool._names._folder
         assert [source.name for source in edge.info.sources] == ["craft.bsp", "names.tf"]
         assert (links is not None) == (length > 245)
         assert links is None or not os.path.exists(links.name)
@@ -140,3 +142,65 @@ def test_a_name_that_cannot_be_made_shorter_says_so(tmp_path, rng, monkeypatch):
     monkeypatch.setattr("pathlib.Path.symlink_to", lambda *a, **k: (_ for _ in ()).throw(OSError("not allowed")))
     with pytest.raises(errors.BadKernelError, match=r"has 309 bytes, folders included; CSPICE takes 255.*not allowed.*Move the file"):
         jf.spice.Kernels(folder / "names.tf")
+
+
+INTERRUPT = """
+import os, signal, sys, threading, time
+import jaxframes as jf
+with jf.spice.Kernels(sys.argv[1]) as kernels:
+    threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+    try:
+        kernels._pool.process.call("wait", 60.0, doing="sleeping")
+    except KeyboardInterrupt:
+        print("interrupted")
+    try:
+        print(kernels._pool.version())
+    except jf.FrameError as error:
+        print(error)
+print(kernels, kernels._pool.process._popen.poll() is not None)
+"""
+
+
+def test_an_interrupted_request_ends_the_process_and_the_next_one_says_why(paths):
+    started = time.monotonic()
+    done = subprocess.run([sys.executable, "-c", INTERRUPT, paths[1]], capture_output=True, text=True, check=False)
+    assert time.monotonic() - started < 50  # nothing waits for the answer
+    first, second, third = done.stdout.splitlines()
+    assert first == "interrupted", done.stderr
+    assert second == (
+        "These kernels are closed: a request was broken off while sleeping (KeyboardInterrupt), which ended the process that reads them. "
+        "Open them again."
+    )
+    assert third == "Kernels(1 file, 0 bodies, closed) True"
+
+
+def test_no_answer_is_taken_for_that_to_another_request(paths, monkeypatch):
+    """Whatever breaks a request off: what is read is the answer to what was asked, or nothing."""
+    with jf.spice.Kernels(paths[1]) as kernels:
+        process = kernels._pool.process
+        read = process._answer
+
+        def broken():
+            monkeypatch.setattr(process, "_answer", read)
+            raise RuntimeError("broken off")
+
+        monkeypatch.setattr(process, "_answer", broken)
+        with pytest.raises(RuntimeError, match="broken off"):
+            kernels._pool.body_name(399)
+        with pytest.raises(errors.SpiceError, match=r"closed: a request was broken off while naming body 399 \(RuntimeError\)"):
+            kernels._pool.version()
+    with jf.spice.Kernels(paths[1]) as kernels:
+        process = kernels._pool.process
+        send(process._popen.stdin, (0, "version", ()))  # whose answer stays in the pipe
+        with pytest.raises(errors.SpiceError, match=r"answered request 0, not \d+, while naming body 399"):
+            kernels._pool.body_name(399)
+        assert process.closed
+
+
+@pytest.mark.skipif(os.name == "nt", reason="sessions and signals of POSIX")
+def test_an_interrupt_from_the_terminal_does_not_reach_the_process(paths):
+    with jf.spice.Kernels(paths[1]) as kernels:
+        process = kernels._pool.process._popen
+        assert os.getsid(process.pid) == process.pid != os.getsid(0)  # Ctrl-C goes to the processes of the terminal's session
+        os.kill(process.pid, signal.SIGINT)
+        assert kernels._pool.version().startswith("CSPICE")

@@ -111,7 +111,7 @@ def test_principal_axes_of_the_moon(rng, source, base):
 def test_principal_axes_of_the_moon_in_exact_arithmetic(rng):
     with both(lunar_files("lunarsky")) as kernels:
         table = kernels.orientation(frame="MOON_PA_DE421")
-        (segment,) = kernels._segments
+        (segment,) = kernels._pool.segments
         init, length, size, count = segment.grid()
         times = whole_seconds(rng, table, 30)
         records = np.minimum(((times - init) / length).astype(int), count - 1)
@@ -264,7 +264,7 @@ def lagrange(node_times, values, t):
 
 def test_an_orbit_of_type_9_is_exact(imap, rng):
     table = imap.translation(target="IMAP", center="EARTH")
-    segments = [s for s in imap._segments if s.body == -43]
+    segments = [s for s in imap._pool.segments if s.body == -43]
     assert {s.type for s in segments} == {9}
     assert len(segments) == 40
     times = whole_seconds(rng, table, 3000)
@@ -278,7 +278,7 @@ def test_an_orbit_of_type_9_is_exact(imap, rng):
     assert largest(np.asarray(table.evaluate(times, 1)[1]) - velocity) <= 1.05 * stated <= 1e-5
     for i in [*np.argsort(-apart)[:10], *range(40)]:
         segment = next(s for s in reversed(segments) if s.begin <= times[i] <= s.end)
-        words = imap._process.call("words", segment.handle, segment.first, segment.last, doing="reading nodes")
+        words = imap._pool.words(segment, segment.first, segment.last)
         count, window = int(words[-1]), int(words[-2]) + 1
         nodes, epochs = words[: 6 * count].reshape(count, 6)[:, :3], [Fraction(float(x)) for x in words[6 * count : 7 * count]]
         at = int(np.searchsorted(words[6 * count : 7 * count], times[i], "right")) - 1
@@ -305,7 +305,7 @@ def test_dynamic_frames_are_fitted(imap, rng, frame):
     worst = jf.spice.compare(imap, table, rng.uniform(*span_of(table), 1500))
     assert worst.value <= 1e-9
     assert worst.rate <= 1e-13
-    assert table.legs[0].rows.shape[0] <= 512
+    assert table.record_tables[0].rows.shape[0] <= 512
 
 
 @pytest.mark.parametrize("frame", ["IMAP_EQUAMOD", "IMAP_ECLIPMOD"])
@@ -342,7 +342,7 @@ def test_listings_of_a_mission(imap):
     assert classes["IMAP_SPACECRAFT"] == classes["IMAP_DPS"] == "CK"
     assert classes["IMAP_ULTRA_45"] == "fixed offset (TK)"
     assert sum(kind == "dynamic" for kind in classes.values()) == 15
-    path = next(s.path for s in imap._segments if s.body == -43)
+    path = next(s.path for s in imap._pool.segments if s.body == -43)
     cover = spiceypy.spkcov(path, -43)
     ((_, name, begin, end, file),) = imap.coverage("IMAP")
     assert (name, float(begin), float(end), file) == ("IMAP", *spiceypy.wnfetd(cover, 0), "imap_spk_demo.bsp")
@@ -403,7 +403,7 @@ EXCERPTS = {
 def test_excerpts(rng, name):
     with both([shipped("skyfield", "skyfield", "tests", "data") / name]) as kernels:
         damaged, types = set(), set()
-        for segment in kernels._segments:
+        for segment in kernels._pool.segments:
             body, center = segment.body, segment.center
             if segment.directory is not None and segment.directory[-1] == 0:
                 damaged.add(body)
@@ -522,7 +522,7 @@ def test_de405_with_planet_centers(rng, body):
         steps = [states(body, CENTERS[body], at + k * 16.0)[1] for k in (-2, -1, 1, 2)]
         difference = (steps[0] - 8 * steps[1] + 8 * steps[2] - steps[3]) / (12 * 16.0)
         inner = np.ones(len(at), bool)
-        for segment in kernels._segments:
+        for segment in kernels._pool.segments:
             if segment.body == body:  # velocities of type 3 jump in slope from record to record
                 init, length, _, _ = segment.grid()
                 inner &= np.abs((at - init + length / 2) % length - length / 2) > 40.0

@@ -36,7 +36,7 @@ def test_de440_over_its_whole_span(kernels, cspice, rng, target, center):
 @pytest.mark.float64
 def test_chain_with_three_legs_stays_within_the_rounding_of_its_largest(kernels, cspice, rng):
     edge = kernels.translation(target="MOON", center="MARS BARYCENTER")
-    assert len(edge.legs) == 3
+    assert len(edge.record_tables) == 3
     times = rng.integers(BEGIN, END, 300).astype(float)
     position, velocity = (np.asarray(x) for x in edge.evaluate(times, order=1))
     reference = np.array([cspice.spkezr("MOON", t, "J2000", "NONE", "4")[0] for t in times]) * 1e3
@@ -121,7 +121,7 @@ def test_frame_of_the_axes(kernels, cspice, dtype):
 
 
 def test_table_is_cropped_to_the_records_that_cover_it(moon):
-    (leg,) = moon.legs
+    (leg,) = moon.record_tables
     assert leg.rows.shape == (92, 42)
     text = moon.report()
     for part in (

@@ -1,53 +1,35 @@
-"""Making attitude tables of C-kernels: which segments serve, knots in time, gaps."""
+"""Extraction of C-kernel attitudes (CK types 1 to 3): which segments serve, knots in time, gaps."""
 
 from dataclasses import fields, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from jaxframes.errors import CoverageError, NoPathError
 from jaxframes.numerics import host_quaternions, host_two_part
 from jaxframes.spice import accuracy
-from jaxframes.spice.reading.ck_segments import KNOTS, CkSegment, Intervals, layered, read_intervals, segments_of
+from jaxframes.spice.assembly import assembled
+from jaxframes.spice.options import OrientationRequest
+from jaxframes.spice.reading.ck_segments import GRACE, KNOTS, Intervals, layered, read_intervals, segments_serving
 from jaxframes.spice.reading.clocks import Clock, clock_of
+from jaxframes.spice.reading.naming import INERTIAL, FrameFacts
+from jaxframes.spice.reading.pool import KernelPool
 from jaxframes.spice.reading.segment_paths import Span, open_ends, uncovered
-from jaxframes.tables import index as cells
+from jaxframes.spice.reading.segments import CkSegment
 from jaxframes.tables.attitude import MODES, AttitudeTable
-from jaxframes.tables.index import HANDOVER
+from jaxframes.tables.index import AFTER_END, build_index
 from jaxframes.tables.instants import exact_seconds, reference_day, span_text
-from jaxframes.tables.records import HostLeg
-
-if TYPE_CHECKING:
-    from jaxframes.spice.kernels import Kernels
+from jaxframes.tables.records import HostRecordTable
 
 BEND = 1e-11
 """Radians that an attitude may be off where the clock's time is taken to be even in TDB."""
-GRACE = Fraction(1, 10**5)
-"""A gap starts so many seconds after the data end, and ends as long before they go on: the last and the first instant belong to the data,
-also as epochs of two float32."""
 ROUNDED = Fraction(1, 10**6)
 """Seconds that an instant asked for may lie outside the data: CSPICE rounds the ends that it tells."""
 
 
-def serving(kernels: "Kernels", of: dict[str, Any]) -> list[CkSegment]:
-    """Return the C-kernel segments of a frame.
-
-    Raises:
-        NoPathError: If none is loaded.
-    """
-    found = segments_of(kernels, of["class_id"])
-    if not found:
-        raise NoPathError(
-            f"No C-kernel segment for {of['name']} (CK id {of['class_id']}) is loaded: load the C-kernel (.bc) of this frame."
-        )
-    return found
-
-
-def attitude(
-    kernels: "Kernels", of: dict[str, Any], base: dict[str, Any], start: Any, stop: Any, ck: str, bridge: float | None
-) -> AttitudeTable:
+def attitude(pool: KernelPool, request: OrientationRequest) -> AttitudeTable:
     """Return the edge of a CK frame from segments of types 1 to 3.
 
     Raises:
@@ -55,12 +37,13 @@ def attitude(
         CoverageError: If the data do not cover the start and the stop that are given. Gaps between these are kept and reported.
         MissingKernelError: If the clock is not known.
     """
+    of, base, ck = request.of, request.base, request.ck
     if ck not in MODES:
         raise NoPathError(f"ck={ck!r}: attitudes between knots are 'smooth' or as 'spice' has them.")
-    segments = serving(kernels, of)
-    clock = clock_of(kernels, of["class_id"])
-    low = exact_seconds(start, "start") if start is not None else None
-    high = exact_seconds(stop, "stop") if stop is not None else None
+    segments = segments_serving(pool, of)
+    clock = clock_of(pool, of.class_id)
+    low = exact_seconds(request.start, "start") if request.start is not None else None
+    high = exact_seconds(request.stop, "stop") if request.stop is not None else None
     if low is not None and high is not None and low >= high:
         raise CoverageError(f"start lies at or after stop: {span_text(low, high)}. A table needs a span of time.")
     begins, ends = (clock.seconds_of(np.array([getattr(s, name) for s in segments]))[0] for name in ("begin", "end"))
@@ -73,12 +56,12 @@ def attitude(
             f"{others[0].describe()} is neither of type 1, 2 nor 3: give tolerance=jf.spice.Tolerance(angle=..., rate=...) "
             "to have a table fitted."
         )
-    turns = {s.frame: _base_turn(kernels, s, of, base) for s in reversed(touching)}
-    runs = [(s, _turned(_read(kernels, s, clock, bridge), turns[s.frame])) for s in touching]
+    rotations = {s.frame: _base_rotation(pool, s, of, base) for s in reversed(touching)}
+    runs = [(s, _rotated(_read(pool, s, clock, request.bridge), rotations[s.frame])) for s in touching]
     intervals, used = layered([r for r in runs if len(r[1].start)], -np.inf, np.inf)
     if intervals is None:
         raise _uncovered(of, [], low, high, begins, ends)
-    edges, parts = clock._by_cspice(np.array([intervals.start[0], intervals.stop[-1]])), _straight(intervals, clock)
+    edges, parts = clock.by_cspice(np.array([intervals.start[0], intervals.stop[-1]])), _straight(intervals, clock)
     dated = _dated(intervals, clock)
     have = _covered(*dated[1:])
     intervals, t0, t1 = _within(*dated, low, high)
@@ -96,48 +79,46 @@ def attitude(
     last = max(_exact(t1, -1), bounds[1])
     reference = reference_day(bounds[0])
     starts, rows, gaps = _rows(intervals, t0, t1, reference, ck)
-    index, compares = cells.index(starts, last - reference)
-    leg = HostLeg({"rows": rows, **index}, rows.shape[1] - 3, compares)
+    index, compares = build_index(starts, last - reference)
+    records = HostRecordTable({"rows": rows, **index}, rows.shape[1] - 3, compares)
     facts = {
         "method": f"knots of C-kernels, ck={ck!r}",
-        "measured": accuracy.knots(kernels, of["name"], base["name"], leg, ck, reference, bounds) + measured,
+        "measured": accuracy.knots(pool, of.name, base.name, records, ck, reference, bounds) + measured,
         "notes": _notes(used, gaps),
         "segments": tuple(dict.fromkeys(f"{s.describe()}, frame id {s.frame}" for s in used)),
     }
-    names = (of["name"], of["id"], base["name"], base["id"], base["name"])
     files = [Path(p) for p in sorted({s.path for s in used})]
-    return kernels._table(AttitudeTable, "knots", names, bounds, [leg], files, facts, mode=ck)
+    return assembled(pool, AttitudeTable, "knots", request.names, bounds, [records], files, facts, mode=ck)
 
 
-def _read(kernels: "Kernels", segment: CkSegment, clock: Clock, bridge: float | None) -> Intervals:
+def _read(pool: KernelPool, segment: CkSegment, clock: Clock, bridge: float | None) -> Intervals:
     a, b = clock.seconds_of(np.array([segment.begin, segment.end]))[0]
     tick = (b - a) / (segment.end - segment.begin) if segment.end > segment.begin else 1.0
-    return read_intervals(kernels, segment, float(tick), bridge)
+    return read_intervals(pool, segment, float(tick), bridge)
 
 
-def _base_turn(kernels: "Kernels", segment: CkSegment, of: dict[str, Any], base: dict[str, Any]) -> np.ndarray | None:
+def _base_rotation(pool: KernelPool, segment: CkSegment, of: FrameFacts, base: FrameFacts) -> np.ndarray | None:
     """Return the quaternion that turns a segment's own base frame into the one asked for; None where they are the same."""
-    if segment.frame == base["id"]:
+    if segment.frame == base.id:
         return None
-    own = kernels._process.call("frame", str(segment.frame), doing=f"looking up frame {segment.frame}")
-    if own is None or own["class"] != 1 or base["class"] != 1:
-        label = str(segment.frame) if own is None else own["name"]
+    own = pool.find_frame(segment.frame)
+    if own is None or own.frame_class != INERTIAL or base.frame_class != INERTIAL:
+        label = str(segment.frame) if own is None else own.name
         raise NoPathError(
-            f"{segment.describe()} orients {of['name']} relative to {label}, not {base['name']}: ask for relative_to={label!r} and add the "
-            f"other orientation as an edge of its own, as kernels.tree(frames=[{of['name']!r}]) does, or give "
+            f"{segment.describe()} orients {of.name} relative to {label}, not {base.name}: ask for relative_to={label!r} and add the "
+            f"other orientation as an edge of its own, as kernels.tree(frames=[{of.name!r}]) does, or give "
             "tolerance=jf.spice.Tolerance(angle=..., rate=...) to have the chain fitted."
         )
-    matrix = np.array(kernels._process.call("rotation", own["name"], base["name"], doing=f"rotating {own['name']}"))
-    return host_quaternions.from_matrices(matrix[None])
+    return host_quaternions.from_matrices(pool.rotation(own.name, base.name)[None])
 
 
-def _turned(intervals: Intervals, by: np.ndarray | None) -> Intervals:
+def _rotated(intervals: Intervals, by: np.ndarray | None) -> Intervals:
     """Return intervals in another base frame."""
     if by is None:
         return intervals
-    turn = np.broadcast_to(by, intervals.q.shape)
-    moved, w0, w1 = (host_quaternions.rotate(turn, v) for v in (intervals.turn, intervals.w0, intervals.w1))
-    return replace(intervals, q=host_quaternions.multiply(turn, intervals.q), turn=moved, w0=w0, w1=w1)
+    rotation = np.broadcast_to(by, intervals.q.shape)
+    moved, w0, w1 = (host_quaternions.rotate(rotation, v) for v in (intervals.rotation_vector, intervals.w0, intervals.w1))
+    return replace(intervals, q=host_quaternions.multiply(rotation, intervals.q), rotation_vector=moved, w0=w0, w1=w1)
 
 
 def _dated(intervals: Intervals, clock: Clock) -> tuple[Intervals, host_two_part.Pair, host_two_part.Pair]:
@@ -166,7 +147,7 @@ def _within(
 
 
 def _straight(intervals: Intervals, clock: Clock) -> Intervals | None:
-    """Return intervals cut so short that a turn at an even rate in ticks is one in TDB too; None where they are short enough.
+    """Return intervals cut so short that a rotation at an even rate in ticks is one in TDB too; None where they are short enough.
 
     Clocks count TT, against which TDB wavers by K sin(M) over the year: over a day of a fast spinner that bends 2e-8 rad.
     """
@@ -176,7 +157,7 @@ def _straight(intervals: Intervals, clock: Clock) -> Intervals | None:
     width = intervals.stop - intervals.start
     ends = np.array([intervals.start[0], intervals.stop[-1]])
     tick = float(np.diff(clock.seconds_of(ends)[0])[0] / (ends[1] - ends[0]))
-    bend = np.linalg.norm(intervals.turn, axis=1) * width * tick * (k * rate * rate / 8)
+    bend = np.linalg.norm(intervals.rotation_vector, axis=1) * width * tick * (k * rate * rate / 8)
     pieces = np.ceil(np.sqrt(bend / BEND)).astype(int).clip(1)
     if (pieces == 1).all():
         return None
@@ -193,24 +174,24 @@ def _rows(
     """Return where each row starts to serve, seconds past the reference, the rows, and the gaps (ET)."""
     past = host_two_part.add(t0, (np.full(len(t0[0]), -float(reference)), np.zeros(len(t0[0]))))
     length = host_two_part.add(t1, (-t0[0], -t0[1]))[0]
-    half = np.linalg.norm(intervals.turn, axis=1) / 2
-    axis = np.where(half[:, None] > 0, intervals.turn / np.where(half > 0, 2 * half, 1.0)[:, None], np.array([1.0, 0.0, 0.0]))
-    mean = intervals.turn / length[:, None]
+    half = np.linalg.norm(intervals.rotation_vector, axis=1) / 2
+    axis = np.where(half[:, None] > 0, intervals.rotation_vector / np.where(half > 0, 2 * half, 1.0)[:, None], np.array([1.0, 0.0, 0.0]))
+    mean = intervals.rotation_vector / length[:, None]
     if ck == "spice":
         vectors = (intervals.w0, intervals.w1)
     else:
-        uneven = ~intervals.even[:, None]  # an even spin is as it is, in whatever seconds the kernel's rate may be
+        uneven = ~intervals.even[:, None]  # an even rotation is as it is, in whatever seconds the kernel's rate may be
         vectors = tuple((w - mean) * (length[:, None] / 2) * uneven for w in (intervals.w0, intervals.w1))
     rows = np.concatenate([intervals.q, axis, half[:, None], *vectors, past[0][:, None], past[1][:, None], length[:, None]], 1)
     touch = np.append(False, np.abs(t0[0][1:] - t1[0][:-1]) <= 2 * float(GRACE))
-    late = touch & np.append(False, intervals.rank[:-1] > intervals.rank[1:])  # the instant itself is the earlier interval's
+    kept = touch & np.append(False, intervals.rank[:-1] > intervals.rank[1:])  # the instant itself is the earlier interval's
     until = host_two_part.add(t1, (np.full(len(t1[0]), -float(reference)), np.zeros(len(t1[0]))))
     pause = host_two_part.add(until, (np.full(len(t1[0]), float(GRACE)), np.zeros(len(t1[0]))))
     nothing = np.zeros(rows.shape[1])
     nothing[[0, 4]], nothing[-1] = 1.0, np.nan
     empty = np.flatnonzero(t0[0][1:] - t1[0][:-1] > 2 * float(GRACE))
     gaps = [(_exact(until, e) + reference, _exact(past, e + 1) + reference) for e in empty]
-    shift = np.where(late, float(HANDOVER), 0.0)
+    shift = np.where(kept, float(AFTER_END), 0.0)
     shift[empty + 1] = -float(GRACE)
     serve = host_two_part.add(past, (shift, np.zeros(len(shift))))
     starts = tuple(np.insert(own, empty + 1, rest[empty]) for own, rest in zip(serve, pause, strict=True))
@@ -220,9 +201,9 @@ def _rows(
 def _measured(intervals: Intervals, t0: host_two_part.Pair, t1: host_two_part.Pair) -> tuple[tuple[str, float], ...]:
     """Return how far the kernel's own rates are from the derivative of slerp, and its jumps where intervals touch."""
     length = (t1[0] - t0[0]) + (t1[1] - t0[1])
-    mean = intervals.turn / length[:, None]
+    mean = intervals.rotation_vector / length[:, None]
     apart = max(float(np.linalg.norm(w - mean, axis=1).max()) for w in (intervals.w0, intervals.w1))
-    end = host_quaternions.multiply(host_quaternions.turned(intervals.turn), intervals.q)
+    end = host_quaternions.multiply(host_quaternions.turned(intervals.rotation_vector), intervals.q)
     touch = np.abs(t0[0][1:] - t1[0][:-1]) <= 2 * float(GRACE)
     gap = host_quaternions.vector_of(host_quaternions.multiply(intervals.q[1:], host_quaternions.conjugate(end[:-1])))[touch]
     step = (intervals.w0[1:] - intervals.w1[:-1])[touch]
@@ -253,9 +234,9 @@ def _exact(times: host_two_part.Pair, i: Any) -> Fraction:
 
 
 def _uncovered(
-    of: dict[str, Any], have: list[Span], low: Fraction | None, high: Fraction | None, begins: np.ndarray, ends: np.ndarray
+    of: FrameFacts, have: list[Span], low: Fraction | None, high: Fraction | None, begins: np.ndarray, ends: np.ndarray
 ) -> CoverageError:
     """Return the error for data that do not cover the ends of a span; without any in it, those elsewhere are named."""
     have = have or sorted((Fraction(a), Fraction(b)) for a, b in zip(begins.tolist(), ends.tolist(), strict=True))
     asked = (have[0][0] if low is None else low, have[-1][1] if high is None else high)
-    return uncovered(f"orientation of {of['name']} (C-kernels)", have, open_ends(have, asked), asked)
+    return uncovered(f"orientation of {of.name} (C-kernels)", have, open_ends(have, asked), asked)

@@ -1,4 +1,4 @@
-"""Several Chebyshev legs as one: each restricted to the records of the finest grid, in double-double, and added."""
+"""Composing Chebyshev record tables into one: each restricted to the records of the finest grid, in double-double, and added."""
 
 from collections.abc import Sequence
 from fractions import Fraction
@@ -8,25 +8,25 @@ import numpy as np
 
 from jaxframes.numerics import host_two_part
 from jaxframes.numerics.host_two_part import Pair
-from jaxframes.tables.index import index
-from jaxframes.tables.records import METRES, HostLeg
+from jaxframes.tables.index import build_index
+from jaxframes.tables.records import METRES, HostRecordTable
 
 CLOSE = Fraction(1, 10**6)
 """Edges nearer to each other than this, in seconds, are one: records are good a little beyond their ends."""
 
 
-def composed(legs: Sequence[HostLeg], start: Fraction, stop: Fraction) -> HostLeg:
-    """Return one leg in metres whose records are the parts into which the records of all legs cut the span, values summed.
+def composed(record_tables: Sequence[HostRecordTable], start: Fraction, stop: Fraction) -> HostRecordTable:
+    """Return one record table in metres, values summed: its records are the parts into which those of all record tables cut the span.
 
     Each series is restricted to its part by the recurrence T_{k+1}(a s + b) = 2 (a s + b) T_k(a s + b) - T_{k-1}(a s + b) on
     coefficients; everything is double-double until the sums are rounded once.
 
     Args:
-        legs: Legs in km, series of three.
+        record_tables: Record tables in km, series of three.
         start: Start of the span, seconds past the reference.
         stop: End of the span, likewise.
     """
-    edges = [edges_of(leg) for leg in legs]
+    edges = [edges_of(records) for records in record_tables]
     known = [e for own in edges for e in own]
     start, stop = max((e for e in known if e <= start), default=start), min((e for e in known if e >= stop), default=stop)
     cuts = [start]
@@ -37,26 +37,26 @@ def composed(legs: Sequence[HostLeg], start: Fraction, stop: Fraction) -> HostLe
     middle = np.array([float((a + b) / 2) for a, b in pairwise(bounds)])
     radius = np.array([float(max(b - Fraction(m), Fraction(m) - a)) for a, b, m in zip(bounds, bounds[1:], middle, strict=False)])
     total: Pair | None = None
-    terms = max((leg.arrays["rows"].shape[1] - 3) // 3 for leg in legs)
-    for leg, own in zip(legs, edges, strict=True):
+    terms = max((records.arrays["rows"].shape[1] - 3) // 3 for records in record_tables)
+    for records, own in zip(record_tables, edges, strict=True):
         starts = np.array([float(e) for e in own])
-        which = np.clip(np.searchsorted(starts, middle, "right") - 1, 0, len(leg.arrays["rows"]) - 1)
-        part = _restricted(leg.arrays["rows"][which], middle, radius, terms)
+        which = np.clip(np.searchsorted(starts, middle, "right") - 1, 0, len(records.arrays["rows"]) - 1)
+        part = _restricted(records.arrays["rows"][which], middle, radius, terms)
         total = part if total is None else host_two_part.add(total, part)
     assert total is not None
     metres = host_two_part.multiply(total, (np.full_like(total[0], METRES), np.zeros_like(total[0])))
     rows = np.concatenate([metres[0].reshape(len(middle), -1), middle[:, None], np.zeros((len(middle), 1)), radius[:, None]], 1)
-    found, compares = index(cuts, stop)
-    return HostLeg({"rows": rows, **found}, 3, compares)
+    found, compares = build_index(cuts, stop)
+    return HostRecordTable({"rows": rows, **found}, 3, compares)
 
 
-def edges_of(leg: HostLeg) -> list[Fraction]:
-    """Return where each record of a leg starts to serve, exact seconds past the reference; and where a uniform one ends."""
-    origin = Fraction(leg.arrays["grid"][0]) + Fraction(leg.arrays["grid"][1])
-    if "ends" not in leg.arrays:
-        width = Fraction(leg.arrays["grid"][2])
-        return [origin + i * width for i in range(len(leg.arrays["rows"]) + 1)]
-    return [origin, *(Fraction(a) + Fraction(b) for a, b in leg.arrays["ends"][:-1])]
+def edges_of(records: HostRecordTable) -> list[Fraction]:
+    """Return where each record of a record table starts to serve, exact seconds past the reference; and where a uniform one ends."""
+    origin = Fraction(records.arrays["grid"][0]) + Fraction(records.arrays["grid"][1])
+    if "ends" not in records.arrays:
+        width = Fraction(records.arrays["grid"][2])
+        return [origin + i * width for i in range(len(records.arrays["rows"]) + 1)]
+    return [origin, *(Fraction(a) + Fraction(b) for a, b in records.arrays["ends"][:-1])]
 
 
 def _restricted(rows: np.ndarray, middle: np.ndarray, radius: np.ndarray, terms: int) -> Pair:

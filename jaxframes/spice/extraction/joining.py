@@ -1,4 +1,4 @@
-"""From the records of kernels to the arrays of legs: units, axes, joining, combining. On the host, in float64 and exact times."""
+"""Joining the records of segments into record tables: axes, signs, grids that are added. On the host, in float64 and exact times."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,14 +6,18 @@ from fractions import Fraction
 
 import numpy as np
 
-from jaxframes.spice.reading.segments import Records
+from jaxframes.errors import NoPathError
+from jaxframes.spice.extraction.read_records import read_piece
+from jaxframes.spice.reading.naming import INERTIAL
+from jaxframes.spice.reading.pool import KernelPool
+from jaxframes.spice.reading.segments import Piece, Records, Segment, open_starts
 from jaxframes.tables.index import irregular
-from jaxframes.tables.instants import two_parts
-from jaxframes.tables.records import HostLeg
+from jaxframes.tables.instants import reference_day, two_parts
+from jaxframes.tables.records import HostRecordTable
 
 
-def join(parts: Sequence[Records], sign: int, reference: int) -> HostLeg:
-    """Return one leg from the records of consecutive pieces.
+def join(parts: Sequence[Records], sign: int, reference: int) -> HostRecordTable:
+    """Return one record table from the records of consecutive pieces.
 
     Args:
         parts: Records in time order, each part serving up to where the next one starts.
@@ -38,7 +42,7 @@ def join(parts: Sequence[Records], sign: int, reference: int) -> HostLeg:
     radius = np.concatenate([part.radius for part in parts])
     rows = np.concatenate([sign * coefficients.reshape(count, -1), np.stack([middle_hi, middle_lo, radius], 1)], 1)
     index, compares = _index(parts, reference)
-    return HostLeg({"rows": rows, **index}, series, compares)
+    return HostRecordTable({"rows": rows, **index}, series, compares)
 
 
 def rotated(records: Records, rotation: np.ndarray) -> Records:
@@ -74,7 +78,7 @@ def _is_uniform(parts: Sequence[Records]) -> bool:
     """Whether the records of all parts lie on the grid of the first: to 1e-10 of a record, where its series are as good as inside."""
     length, origin = parts[0].step, parts[0].origin
     count = 0
-    if any(part.inner is not None or part.late for part in parts):
+    if any(part.inner is not None or part.open_start for part in parts):
         return False
     for part in parts:
         drift = part.origin - (origin + count * length)
@@ -88,39 +92,70 @@ def _is_uniform(parts: Sequence[Records]) -> bool:
     return True
 
 
-def combine(legs: Sequence[HostLeg]) -> list[HostLeg]:
-    """Return the legs with those on the same grid added coefficient by coefficient."""
-    out: list[HostLeg] = []
-    for leg in legs:
-        twin = next((i for i, other in enumerate(out) if leg.same_grid(other)), None)
+def combine(record_tables: Sequence[HostRecordTable]) -> list[HostRecordTable]:
+    """Return the record tables with those on the same grid added coefficient by coefficient."""
+    out: list[HostRecordTable] = []
+    for records in record_tables:
+        twin = next((i for i, other in enumerate(out) if records.same_grid(other)), None)
         if twin is None:
-            out.append(leg)
+            out.append(records)
         else:
-            out[twin] = _sum(out[twin], leg)
+            out[twin] = _sum(out[twin], records)
     return out
 
 
-def _sum(a: HostLeg, b: HostLeg) -> HostLeg:
+def _sum(a: HostRecordTable, b: HostRecordTable) -> HostRecordTable:
     long, short = (a, b) if a.arrays["rows"].shape[1] >= b.arrays["rows"].shape[1] else (b, a)
     rows = long.arrays["rows"].copy()
     width = short.arrays["rows"].shape[1] - 3
     rows[:, :width] += short.arrays["rows"][:, :-3]
-    return HostLeg({**long.arrays, "rows": rows}, a.series, a.compares)
+    return HostRecordTable({**long.arrays, "rows": rows}, a.series, a.compares)
 
 
 TURN = Fraction(62831853071795864769252867665590057683943387987502116419498891846156328125724179972560696506842341359, 10**100)
 """Two pi to a hundred digits."""
 
 
-def unwound(leg: HostLeg) -> HostLeg:
-    """Return a leg of angles with whole double turns taken out of each record's constant term.
+def unwrapped(records: HostRecordTable) -> HostRecordTable:
+    """Return a record table of angles with whole double turns taken out of each record's constant term.
 
     Angles of a spinning body grow without bound (thousands of radians), and with them the rounding of their sines. Double turns, not
     single ones, so that the quaternion made of half the angle does not change its sign.
     """
-    rows = leg.arrays["rows"].copy()
+    rows = records.arrays["rows"].copy()
     for column in range(3):
         for i in np.flatnonzero(np.abs(rows[:, column]) > 2 * float(TURN)):
             angle = Fraction(rows[i, column])
             rows[i, column] = float(angle - round(angle / (2 * TURN)) * 2 * TURN)
-    return HostLeg({**leg.arrays, "rows": rows}, leg.series, leg.compares)
+    return HostRecordTable({**records.arrays, "rows": rows}, records.series, records.compares)
+
+
+def join_pieces(
+    pool: KernelPool, parts: Sequence[tuple[Piece, np.ndarray | None]], sign: int, start: Fraction
+) -> tuple[HostRecordTable, list[float]]:
+    """Return one record table from consecutive pieces, and by how much SPICE's own velocities differ from the derivatives in each, m/s.
+
+    Args:
+        pool: The kernels.
+        parts: Pieces in time order, and the matrix that turns the vectors of each, None for none.
+        sign: As in ``join``.
+        start: Start of the table's span.
+    """
+    read = []
+    for (piece, rotation), is_open in zip(parts, open_starts([piece for piece, _ in parts]), strict=True):
+        records = replace(read_piece(pool, piece), open_start=is_open)
+        read.append(records if rotation is None else rotated(records, rotation))
+    return join(read, sign, reference_day(start)), [records.apart for records in read]
+
+
+def segment_rotation(pool: KernelPool, segment: Segment, axes: str) -> np.ndarray | None:
+    """Return the matrix from a segment's own inertial frame to another, None where they are the same.
+
+    Raises:
+        NoPathError: If the segment's own frame is unknown, or turns.
+    """
+    own = pool.find_frame(segment.frame)
+    if own is None or own.frame_class != INERTIAL:
+        label = "unknown to the kernels loaded" if own is None else f"{own.name}, which turns"
+        raise NoPathError(f"{segment.describe()} is relative to frame {segment.frame}, {label}: only inertial frames are extracted.")
+    return None if own.name == axes else pool.rotation(own.name, axes)

@@ -1,13 +1,11 @@
-"""SPK types 8, 9, 12 and 13, states at nodes, as Chebyshev records: between two nodes the interpolant is one polynomial, so it is exact."""
+"""Node segments (SPK types 8, 9, 12, 13) as Chebyshev records: between two nodes the interpolant is one polynomial, so it is exact."""
 
-import math
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 
-from jaxframes.spice.reading.process import KernelProcess
-from jaxframes.spice.reading.segments import MOST, Piece, Records, Segment, damaged, read_records
+from jaxframes.spice.reading.pool import KernelPool
+from jaxframes.spice.reading.segments import MOST, Piece, Records, Segment, damaged
 
 HERMITE, EQUAL_STEPS = (12, 13), (8, 12)
 DIRECTORY = 100  # epochs that one word of a segment's directory stands for
@@ -15,7 +13,7 @@ BLOCK = 20_000  # records converted at a time
 MOST_WINDOW = 64
 
 
-def read_nodes(process: KernelProcess, piece: Piece) -> Records:
+def read_nodes(pool: KernelPool, piece: Piece) -> Records:
     """Return the records that reproduce a node segment over its piece of the span, one between each two nodes.
 
     SPICE interpolates a window of neighbouring nodes, by Lagrange (8, 9) or Hermite (12, 13) polynomials. With an even window it changes
@@ -27,17 +25,14 @@ def read_nodes(process: KernelProcess, piece: Piece) -> Records:
         BadKernelError: If the segment is damaged.
     """
     segment = piece.segment
-    epochs, window = _directory(process, segment)
+    epochs, window = _directory(pool, segment)
     starts, first = _windows(epochs, window)
     begin = int(np.searchsorted(starts, float(piece.start), "right")) - 1
     end = int(np.searchsorted(starts, float(piece.stop), "left"))
     begin, end = max(begin, 0), min(max(end, begin + 1), len(starts))
     first, edges = first[begin:end], np.append(starts, epochs[-1])[begin : end + 1]
     low, high = int(first[0]), int(first[-1]) + window
-    words: Any = process.call(
-        "words", segment.handle, segment.first + 6 * low, segment.first + 6 * high - 1, doing=f"reading {segment.describe()}"
-    )
-    states = np.asarray(words, np.float64).reshape(-1, 6)
+    states = pool.words(segment, segment.first + 6 * low, segment.first + 6 * high - 1).reshape(-1, 6)
     if not (np.abs(states) < MOST).all():
         raise damaged(segment, "its states are not all numbers of a plausible size")
     middle = edges[:-1] + (edges[1:] - edges[:-1]) / 2
@@ -60,14 +55,13 @@ def read_nodes(process: KernelProcess, piece: Piece) -> Records:
     return Records(coefficients, middle, radius, origin, step, piece.start, piece.stop, inner, worst * 1e3)
 
 
-def _directory(process: KernelProcess, segment: Segment) -> tuple[np.ndarray, int]:
+def _directory(pool: KernelPool, segment: Segment) -> tuple[np.ndarray, int]:
     """Return the epochs of a segment's nodes and how many nodes a window has."""
     size = segment.last - segment.first + 1
     tail_words = 4 if segment.type in EQUAL_STEPS else 2
     if size < tail_words + 7:
         raise damaged(segment, f"it has {size} words")
-    doing = f"reading {segment.describe()}"
-    tail = np.asarray(process.call("words", segment.handle, segment.last - tail_words + 1, segment.last, doing=doing), float)
+    tail = pool.words(segment, segment.last - tail_words + 1, segment.last)
     window, count = tail[-2] + 1, tail[-1]
     if not np.isfinite(tail).all() or window != int(window) or count != int(count) or not 2 <= window <= min(count, MOST_WINDOW):
         raise damaged(segment, f"it says {count:g} nodes in windows of {window:g}")
@@ -79,7 +73,7 @@ def _directory(process: KernelProcess, segment: Segment) -> tuple[np.ndarray, in
         expected = 7 * n + (n - 1) // DIRECTORY + 2
         if size == expected:
             place = segment.first + 6 * n
-            epochs = np.asarray(process.call("words", segment.handle, place, place + n - 1, doing=doing), float)
+            epochs = pool.words(segment, place, place + n - 1)
         else:
             epochs = np.zeros(1)
     if size != expected:
@@ -94,22 +88,21 @@ def _directory(process: KernelProcess, segment: Segment) -> tuple[np.ndarray, in
     return epochs, int(window)
 
 
-def node_grid(process: KernelProcess, segment: Segment) -> tuple[Fraction, Fraction] | None:
+def node_grid(pool: KernelPool, segment: Segment) -> tuple[Fraction, Fraction] | None:
     """Return an instant at which the interpolant of a segment of nodes changes, and the step between these; None for uneven nodes.
 
     Args:
-        process: Where the segment is loaded.
+        pool: The kernels.
         segment: A segment of type 8, 9, 12, 13 or 18.
     """
     if segment.type == 18:
-        doing = f"reading {segment.describe()}"
-        kind, window, count = (int(x) for x in process.call("words", segment.handle, segment.last - 2, segment.last, doing=doing))
+        kind, window, count = (int(x) for x in pool.words(segment, segment.last - 2, segment.last))
         place = segment.first + (6 if kind else 12) * count
         if not 0 <= kind <= 1 or not 0 < window <= count or place + count > segment.last:
             return None
-        epochs = np.asarray(process.call("words", segment.handle, place, place + count - 1, doing=doing), float)
+        epochs = pool.words(segment, place, place + count - 1)
     else:
-        epochs, window = _directory(process, segment)
+        epochs, window = _directory(pool, segment)
     step = (epochs[-1] - epochs[0]) / max(len(epochs) - 1, 1)
     if step <= 0 or np.abs(epochs - (epochs[0] + step * np.arange(len(epochs)))).max() > min(1e-6, 1e-7 * step):
         return None
@@ -144,14 +137,14 @@ def _convert(times: np.ndarray, states: np.ndarray, middle: np.ndarray, radius: 
     place, rate = states[:, :1, :3].copy(), states[:, :1, 3:] * radius[:, None, None]
     since = (x - x[:, :1])[:, :, None]
     rest = (states[:, :, :3] - place) - rate * since
-    turn = states[:, :, 3:] * radius[:, None, None] - rate
+    rest_rates = states[:, :, 3:] * radius[:, None, None] - rate
     terms = (2 if hermite else 1) * x.shape[1]
     points = np.cos(np.pi * (np.arange(terms) + 0.5) / terms)
-    values = _newton(x, rest, turn if hermite else None, points)
+    values = _newton(x, rest, rest_rates if hermite else None, points)
     coefficients = _to_chebyshev(values)
     worst = 0.0
     if not hermite:
-        own = _newton(x, turn, None, points)
+        own = _newton(x, rest_rates, None, points)
         derivative = np.polynomial.chebyshev.chebval(points, np.polynomial.chebyshev.chebder(coefficients, axis=1).transpose(1, 0, 2))
         worst = float((np.linalg.norm(derivative.transpose(0, 2, 1) - own, axis=2) / radius[:, None]).max())
     coefficients[:, 0] += (place - rate * x[:, :1, None])[:, 0]
@@ -184,57 +177,3 @@ def _to_chebyshev(values: np.ndarray) -> np.ndarray:
     basis = np.cos(np.pi * np.outer(np.arange(m), np.arange(m) + 0.5) / m) * (2 / m)
     basis[0] /= 2
     return np.einsum("kj,njc->nkc", basis, values)
-
-
-def read_velocities(process: KernelProcess, piece: Piece) -> Records:
-    """Return the records of a type 20 segment, velocities as Chebyshev series and positions at the middles, integrated: exact.
-
-    Raises:
-        BadKernelError: If the segment is damaged.
-    """
-    segment = piece.segment
-    doing, total = f"reading {segment.describe()}", segment.last - segment.first + 1
-    if total < 7:
-        raise damaged(segment, f"it has {total} words")
-    tail = np.asarray(process.call("words", segment.handle, segment.last - 6, segment.last, doing=doing), float)
-    scale, second, day, part, length, size, count = (float(w) for w in tail)
-    if not np.isfinite(tail).all() or size != int(size) or count != int(count) or size < 6 or size % 3 or count < 1 or length <= 0:
-        raise damaged(segment, f"it says {count:g} records of {size:g} words and {length:g} days")
-    if scale <= 0 or second <= 0 or total != size * count + 7:
-        raise damaged(segment, f"{count:g} records of {size:g} words do not fill its {total} words")
-    origin = (Fraction(day) - 2451545 + Fraction(part)) * 86400
-    step = Fraction(length) * 86400
-    if not origin - step / 10**6 <= Fraction(segment.begin) <= Fraction(segment.end) <= origin + step * int(count) + step / 10**6:
-        raise damaged(segment, "its records do not cover what its summary says")
-    first = min(max(math.floor((piece.start - origin) / step), 0), int(count) - 1)
-    last = min(max(math.ceil((piece.stop - origin) / step) - 1, first), int(count) - 1)
-    address = segment.first + first * int(size)
-    words: Any = process.call("words", segment.handle, address, segment.first + (last + 1) * int(size) - 1, doing=doing)
-    rows = np.asarray(words, np.float64).reshape(last - first + 1, 3, int(size) // 3)
-    if not (np.abs(rows) < MOST).all():
-        raise damaged(segment, "its records are not all numbers of a plausible size")
-    radius = float(step) / 2
-    rates = rows[:, :, :-1] * (scale / second) * radius
-    integral = np.polynomial.chebyshev.chebint(rates, axis=2)  # zero at the middle, which chebint takes by default
-    integral[:, :, 0] += rows[:, :, -1] * scale
-    middle = np.array([float(origin + (first + i + Fraction(1, 2)) * step) for i in range(len(rows))])
-    return Records(integral, middle, np.full(len(rows), radius), origin + first * step, step, piece.start, piece.stop)
-
-
-READERS = {
-    **{("SPK", kind): read_nodes for kind in (8, 9, 12, 13)},
-    ("SPK", 20): read_velocities,
-}
-"""Kind of file and type of segment -> its reader; Chebyshev segments of types 2 and 3 otherwise."""
-POLYNOMIAL = {("SPK", 2), ("SPK", 3), ("PCK", 2), *READERS}
-
-
-def read(process: KernelProcess, piece: Piece) -> Records:
-    """Return the records of a segment that cover its piece of the span.
-
-    Raises:
-        NoPathError: If the segment's type is not made of polynomials.
-        BadKernelError: If the segment is damaged.
-    """
-    reader = READERS.get((piece.segment.kind, piece.segment.type), read_records)
-    return reader(process, piece)

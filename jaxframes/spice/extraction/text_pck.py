@@ -1,32 +1,29 @@
-"""Reading the constants of text PCK files into the analytic model of a body's orientation (NAIF's ``pck.req``)."""
+"""Extraction of text PCK files: their constants as the analytic model of a body's orientation (NAIF's ``pck.req``)."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jaxframes.errors import BadKernelError, NoPathError
 from jaxframes.spice import accuracy
-from jaxframes.spice.extraction.constant_in_time import timeless_info
+from jaxframes.spice.extraction.constant_in_time import constant_info
+from jaxframes.spice.options import OrientationRequest
+from jaxframes.spice.reading.pool import KernelPool
 from jaxframes.tables.iau_model import PAIRED, IauOrientation
 from jaxframes.tables.instants import two_parts
-
-if TYPE_CHECKING:
-    from jaxframes.spice.extraction.orientation import Request
-    from jaxframes.spice.kernels import Kernels
 
 DAY, CENTURY = 86400, 36525 * 86400
 ANGLES = ("POLE_RA", "POLE_DEC", "PM")
 J2000_JULIAN_DATE = 2451545
 
 
-def text_pck(kernels: "Kernels", request: "Request", placement: np.ndarray) -> IauOrientation:
+def text_pck(pool: KernelPool, request: OrientationRequest, placement: np.ndarray) -> IauOrientation:
     """Return the orientation of a frame by the constants of the text PCK files loaded.
 
     Args:
-        kernels: The kernels.
+        pool: The kernels.
         request: What is asked for.
         placement: Quaternion of the model's inertial frame (``model_axes``) in the base asked for.
 
@@ -34,16 +31,16 @@ def text_pck(kernels: "Kernels", request: "Request", placement: np.ndarray) -> I
         NoPathError: If there are none for this body.
         BadKernelError: If some are missing, or do not fit together.
     """
-    body, label = request.of["class_id"], request.of["name"]
+    body, label = request.of.class_id, request.of.name
     system = system_of(body)
     names = [f"BODY{body}_{item}" for item in (*ANGLES, "NUT_PREC_RA", "NUT_PREC_DEC", "NUT_PREC_PM")]
     names += [f"BODY{system}_{item}" for item in ("NUT_PREC_ANGLES", "MAX_PHASE_DEGREE", "CONSTANTS_JED_EPOCH")]
-    pool = kernels._process.call("numbers", names, doing=f"reading the PCK constants of {label}")
-    polynomials, waves = [pool[name] for name in names[:3]], [pool[name] or [] for name in names[3:6]]
+    constants = pool.numbers(names, doing=f"reading the PCK constants of {label}")
+    polynomials, waves = [constants[name] or [] for name in names[:3]], [constants[name] or [] for name in names[3:6]]
     missing = [name for name, found in zip(names[:3], polynomials, strict=True) if not found]
     if missing:
         raise BadKernelError(f"The text PCK files loaded orient {label} only in part: {', '.join(missing)} missing.")
-    angles, degree, epoch = (pool[name] for name in names[6:])
+    angles, degree, epoch = (constants[name] for name in names[6:])
     phases = _phases(label, system, angles or [], int(degree[0]) if degree else 1, max(map(len, waves)))
     if not all(np.isfinite(np.asarray(x, float)).all() for x in (*polynomials, *waves, angles or [])):
         raise BadKernelError(f"The PCK constants of {label} are not all finite.")
@@ -59,31 +56,31 @@ def text_pck(kernels: "Kernels", request: "Request", placement: np.ndarray) -> I
     arrays["amplitudes"] = amplitudes[used]
     arrays["phases"] = _stacked([_scaled(phases[i], CENTURY) for i in used])
     assert {*PAIRED, "amplitudes", "placement"} == set(arrays)
-    info = timeless_info(kernels, request, "iau", "analytic model of a text PCK")
-    measured = accuracy.model(kernels, request.of["name"], request.base["name"], arrays)
+    info = constant_info(pool, request, "iau", "analytic model of a text PCK")
+    measured = accuracy.model(pool, request.of.name, request.base.name, arrays)
     return IauOrientation.from_arrays(arrays, replace(info, measured=measured))
 
 
-def model_axes(kernels: "Kernels", class_id: int) -> str:
+def model_axes(pool: KernelPool, class_id: int) -> str:
     """Return the name of the inertial frame that a body's constants are given in: J2000 unless the PCK names another."""
     name = f"BODY{system_of(class_id)}_CONSTANTS_REF_FRAME"
-    found = kernels._process.call("numbers", [name], doing=f"reading {name}")[name]
-    return kernels._inertial(str(int(found[0])) if found else "1", name)["name"]
+    found = pool.numbers([name], doing=f"reading {name}")[name]
+    return pool.inertial_frame(str(int(found[0])) if found else "1", name).name
 
 
-def has_text_pck(kernels: "Kernels", class_id: int) -> bool:
+def has_text_pck(pool: KernelPool, class_id: int) -> bool:
     """Whether text PCK constants for the orientation of a body are loaded."""
     names = [f"BODY{class_id}_{angle}" for angle in ANGLES]
-    return any(kernels._process.call("numbers", names, doing=f"looking for PCK constants of {class_id}").values())
+    return any(pool.numbers(names, doing=f"looking for PCK constants of {class_id}").values())
 
 
-def no_data(kernels: "Kernels", request: "Request") -> NoPathError:
+def no_data(pool: KernelPool, request: OrientationRequest) -> NoPathError:
     """Return the error for a PCK frame that neither a binary nor a text PCK file orients."""
     of = request.of
-    present = sorted({s.body for s in kernels._segments if s.kind == "PCK"})
+    present = sorted({s.body for s in pool.segments if s.kind == "PCK"})
     return NoPathError(
-        f"No binary PCK segment for {of['name']} (class id {of['class_id']}) is loaded; class ids loaded: {present or 'none'}. "
-        f"No text PCK gives BODY{of['class_id']}_PM either. Load the binary (.bpc) or text (.tpc) PCK that orients this frame."
+        f"No binary PCK segment for {of.name} (class id {of.class_id}) is loaded; class ids loaded: {present or 'none'}. "
+        f"No text PCK gives BODY{of.class_id}_PM either. Load the binary (.bpc) or text (.tpc) PCK that orients this frame."
     )
 
 

@@ -1,4 +1,4 @@
-"""Records halved where the motion asks for it: the search for the smallest such table within a tolerance."""
+"""Bisection: records halved where the motion asks for it, until a tolerance is met or a size is used up."""
 
 import heapq
 import math
@@ -23,16 +23,18 @@ from jaxframes.spice.fitting.candidates import (
     uniform_spans,
     verified,
 )
-from jaxframes.spice.fitting.uniform import MARGIN, STALLED, probe, search
-from jaxframes.spice.options import Goal
+from jaxframes.spice.fitting.goal import Goal
+from jaxframes.spice.fitting.uniform import MARGIN, STALLED, probe, uniform
 
 CHECKS = 12
 FINEST = 2.0**-40  # of the longest part: a record that short follows nothing but jumps
 ROUNDS = 5  # of the final check, between which records are halved
+AHEAD = 16  # worst records whose halves are fitted together: one request to CSPICE and not one for each
+GAIN = 0.9  # halves that are no better than this have gained nothing
 
 
-def dyadic(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal) -> Choice:
-    """Return the records to use, as ``search.search`` does.
+def by_tolerance(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal) -> Choice:
+    """Return the smallest table of records halved where the motion asks for it, within a tolerance.
 
     Every degree is followed down at once: records that are good enough for a degree are its leaves, the others are halved. Whether
     that can end well is asked of a few records of each length first: where none of these is good enough, however short, no halving
@@ -137,10 +139,6 @@ def halved(node: Span, length: Fraction, parts: Sequence[Part]) -> list[Span]:
     return [(a, cut), (cut, b)] if a < cut < b and cut - a > length / 1000 and b - cut > length / 1000 else [node]
 
 
-AHEAD = 16  # worst records whose halves are fitted together: one request to CSPICE and not one for each
-GAIN = 0.9  # halves that are no better than this have gained nothing
-
-
 class Halves:
     """Errors of value [degrees] of records, fitted when they are first asked for."""
 
@@ -157,7 +155,7 @@ class Halves:
             self.errors |= {span: found[:, i] for i, span in enumerate(new)}
 
 
-def sized(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal) -> Choice:
+def by_size(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal) -> Choice:
     """Return the records whose largest error of value is smallest: for each degree, the worst one is halved while the size allows.
 
     Where records of one length do better, which need no table to be found by, these are returned.
@@ -174,7 +172,7 @@ def sized(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal) -> Ch
     if not found:
         raise goal.too_small(_bytes(whole, DEGREES[0], model.extras))
     _, d, spans = min(found)
-    uneven, even = verified(model, sorted(spans), None, DEGREES[d]), search(model, parts, unit, replace(goal, layout="uniform"))
+    uneven, even = verified(model, sorted(spans), None, DEGREES[d]), uniform(model, parts, unit, replace(goal, layout="uniform"))
     return min(uneven, even, key=lambda choice: choice.worst[0])
 
 

@@ -1,4 +1,4 @@
-"""Records that are fitted: the stretches that they are laid on, their size, and the final check at epochs that no fit has seen."""
+"""Records that are fitted: the spans of time that they are laid on, their size, and the final check at epochs that no fit has seen."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,12 +14,12 @@ DEGREES = tuple(range(7, 18))
 INDEPENDENT = 2000  # random epochs of the final check, beside some in every record
 MOST_RECORDS = 400_000
 SLIVER = Fraction(1, 1000)
-GRID = 3 * 8  # bytes of a leg's grid
+GRID = 3 * 8  # bytes of a record table's grid
 
 
 @dataclass(frozen=True)
 class Part:
-    """A stretch of time that is fitted by itself: nothing breaks within it.
+    """A span of time that is fitted by itself: nothing breaks within it.
 
     Attributes:
         start: Start, seconds past J2000 TDB.

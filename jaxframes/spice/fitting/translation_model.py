@@ -1,24 +1,24 @@
-"""Records of positions and velocities as CSPICE computes them: sampled, fitted, and their errors."""
+"""The model of a fitted translation: positions and velocities of CSPICE sampled, fitted, their errors; and which of the two is fitted."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from jaxframes.spice.fitting.candidates import DEGREES, Choice, Part, table_bytes
-from jaxframes.spice.fitting.uniform import search
-from jaxframes.spice.options import Goal, UnmetError
-from jaxframes.tables.records import METRES
-
-if TYPE_CHECKING:
-    from jaxframes.spice.kernels import Kernels
+from jaxframes.spice.fitting.goal import Goal, UnmetError
+from jaxframes.spice.fitting.smallest import smallest
+from jaxframes.spice.reading.pool import KernelPool
 
 NODES = 18  # of a record; the velocity series has as many terms before it is cut
+MUCH = 10.0  # times better must a fit of the positions be to be preferred, where nothing says how good the velocity shall be
+LARGER = 3.0  # times the bytes of a fit of the positions may a fit of the velocities take
+SAMPLES = 64
 
 
-class StateModel:
+class TranslationModel:
     """Positions and velocities of a body, in m and m/s.
 
     Velocities are interpolated and integrated, the constant is the mean residual of the positions: accelerations come out better than
@@ -30,17 +30,16 @@ class StateModel:
 
     extras = 0
 
-    def __init__(self, kernels: "Kernels", of: int, relative: int, axes: str, correction: str, positions: bool):
+    def __init__(self, pool: KernelPool, of: int, relative: int, axes: str, correction: str, positions: bool):
         self.arguments = (of, relative, axes)
-        self.kernels, self.correction, self.positions = kernels, correction, positions
+        self.pool, self.correction, self.positions = pool, correction, positions
         self.scale = 0.0
 
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return positions and velocities [m, 3] at epochs [m]."""
-        doing = "computing states for a fit"
-        states = self.kernels._process.call("states", *self.arguments, times, self.correction, doing=doing) * METRES
-        self.scale = max(self.scale, float(np.abs(states[:, :3]).max()))
-        return states[:, :3], states[:, 3:]
+        positions, velocities = self.pool.states(*self.arguments, times, self.correction, doing="computing states for a fit")
+        self.scale = max(self.scale, float(np.abs(positions).max()))
+        return positions, velocities
 
     def fit(self, a: np.ndarray, b: np.ndarray) -> dict[str, np.ndarray]:
         """Return records between a and b: middles, radii, coefficients [n, NODES, 3], and the constants [n, degrees, 3]."""
@@ -107,14 +106,10 @@ def slopes(s: np.ndarray, count: int) -> np.ndarray:
     return np.stack([np.polynomial.chebyshev.chebval(s, np.polynomial.chebyshev.chebder(row)) for row in np.eye(count)], -1)
 
 
-MUCH = 10.0  # times better must a fit of the positions be to be preferred, where nothing says how good the velocity shall be
-LARGER = 3.0  # times the bytes of a fit of the positions may a fit of the velocities take
-SAMPLES = 64
-
-Found = tuple[StateModel, Choice, tuple[str, ...]]
+Found = tuple[TranslationModel, Choice, tuple[str, ...]]
 
 
-def chosen(make: Callable[[bool], StateModel], parts: Sequence[Part], unit: Fraction, goal: Goal) -> Found:
+def choose_fit_variable(make: Callable[[bool], TranslationModel], parts: Sequence[Part], unit: Fraction, goal: Goal) -> Found:
     """Return the model, its records, and notes for the report.
 
     Velocities are fitted if that meets the goal: accelerations come out better. Where CSPICE's velocities are not the derivatives of its
@@ -122,8 +117,8 @@ def chosen(make: Callable[[bool], StateModel], parts: Sequence[Part], unit: Frac
 
     Args:
         make: Gives the model of velocities (False) or of positions (True).
-        parts: As in ``search``.
-        unit: As in ``search``.
+        parts: As in ``smallest``.
+        unit: As in ``smallest``.
         goal: What is asked of the records. Where it bounds velocities alone, positions are held to the same relative accuracy.
 
     Raises:
@@ -131,7 +126,7 @@ def chosen(make: Callable[[bool], StateModel], parts: Sequence[Part], unit: Frac
     """
     by_rates, by_values = make(False), make(True)
     if "LT" in by_values.correction:
-        return by_values, search(by_values, parts, unit, goal), ()
+        return by_values, smallest(by_values, parts, unit, goal), ()
     held = _held(by_rates, parts, goal)
     notes = (held.note.strip(" ()"),) if held.note else ()
     values = _found(by_values, parts, unit, held)
@@ -155,14 +150,14 @@ def chosen(make: Callable[[bool], StateModel], parts: Sequence[Part], unit: Frac
     raise _why(held, rates, values)
 
 
-def _found(model: StateModel, parts: Sequence[Part], unit: Fraction, goal: Goal) -> Choice | UnmetError:
+def _found(model: TranslationModel, parts: Sequence[Part], unit: Fraction, goal: Goal) -> Choice | UnmetError:
     try:
-        return search(model, parts, unit, goal)
+        return smallest(model, parts, unit, goal)
     except UnmetError as error:
         return error
 
 
-def _held(model: StateModel, parts: Sequence[Part], goal: Goal) -> Goal:
+def _held(model: TranslationModel, parts: Sequence[Part], goal: Goal) -> Goal:
     """Return the goal with a bound for positions where there is one for velocities only: an integral is not to drift without bounds."""
     if np.isfinite(goal.bounds[0]) or not np.isfinite(goal.bounds[1]):
         return goal

@@ -1,4 +1,4 @@
-"""The smallest Chebyshev table within a tolerance: searching record lengths and degrees, checked at epochs that no fit has seen."""
+"""Uniform records: the search for the length and degree of the smallest table within a tolerance, checked at epochs of its own."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from jaxframes.spice.fitting.candidates import (
     uniform_spans,
     verified,
 )
-from jaxframes.spice.options import Goal
+from jaxframes.spice.fitting.goal import Goal
 
 PROBES = 48  # records fitted to judge a record length
 CHECKS = 8  # epochs a probed record is checked at
@@ -32,22 +32,18 @@ SHORTEST = Fraction(1, 20)  # seconds: the nodes of shorter records are too clos
 ROUNDING = 1e-14  # of the largest value: errors below it are rounding
 
 
-def search(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal) -> Choice:
-    """Return the records to use: the smallest that meet the goal's errors, or the best of its size.
+def uniform(model: Model, parts: Sequence[Part], unit: Fraction, goal: Goal) -> Choice:
+    """Return records of one length: the smallest that meet the goal's errors, or the best of its size.
 
     Args:
         model: What is fitted.
-        parts: Stretches that are fitted by themselves.
+        parts: Spans of time that are fitted by themselves.
         unit: Length of the kernel's own records; those tried are this times powers of two.
         goal: What is asked of them.
 
     Raises:
         ToleranceError: If no records do.
     """
-    from jaxframes.spice.fitting.bisection import dyadic, sized
-
-    if goal.layout == "dyadic":
-        return sized(model, parts, unit, goal) if goal.free else dyadic(model, parts, unit, goal)
     levels: list[Level] = []
     met: list[Any] = []
     probed = probe(model, parts, unit, goal)

@@ -1,43 +1,25 @@
-"""C-kernel segments of types 1 to 3 on the host: as intervals in each of which the attitude turns about one axis."""
+"""C-kernel segments of types 1 to 3 as intervals in each of which the attitude turns about one axis."""
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from fractions import Fraction
+from typing import Self
 
 import numpy as np
 
-from jaxframes.errors import BadKernelError, NoPathError
+from jaxframes.errors import NoPathError
 from jaxframes.numerics import host_quaternions
-
-if TYPE_CHECKING:
-    from jaxframes.spice.kernels import Kernels
+from jaxframes.spice.reading.naming import FrameFacts
+from jaxframes.spice.reading.pool import KernelPool
+from jaxframes.spice.reading.segments import CkSegment, damaged
 
 KNOTS = (1, 2, 3)
 DIRECTORY = 100
 MOST = 1e30  # a clock's ticks are the largest numbers here
-
-
-@dataclass(frozen=True)
-class CkSegment:
-    """One segment of a C-kernel; begin and end are encoded ticks of the clock."""
-
-    path: str
-    handle: int
-    instrument: int
-    frame: int
-    type: int
-    has_rates: bool
-    begin: float
-    end: float
-    first: int
-    last: int
-    name: str
-
-    def describe(self) -> str:
-        """Return a short text for messages."""
-        return f"segment {self.name!r} (CK type {self.type}, id {self.instrument}) of {Path(self.path).name}"
+GRACE = Fraction(1, 10**5)
+"""A gap starts so many seconds after the data end, and ends as long before they go on: the last and the first instant belong to the data,
+also as epochs of two float32."""
 
 
 @dataclass(frozen=True)
@@ -48,17 +30,17 @@ class Intervals:
         start: Encoded ticks [n].
         stop: Encoded ticks [n].
         q: Quaternion at the start [n, 4].
-        turn: Rotation vector over the interval, in o axes [n, 3].
+        rotation_vector: Rotation vector over the interval, in o axes [n, 3].
         w0: Angular velocity at the start, in o axes [n, 3].
         w1: Angular velocity at the end [n, 3].
-        even: Whether the turn is at an even rate by definition [n]: type 2, all of whose attitudes the kernel gives.
+        even: Whether the rotation is at an even rate by definition [n]: type 2, all of whose attitudes the kernel gives.
         rank: Place of the segment in order of loading [n]: of two intervals that meet, the higher serves the instant at which they do.
     """
 
     start: np.ndarray
     stop: np.ndarray
     q: np.ndarray
-    turn: np.ndarray
+    rotation_vector: np.ndarray
     w0: np.ndarray
     w1: np.ndarray
     even: np.ndarray
@@ -73,10 +55,10 @@ class Intervals:
         width = self.stop - self.start
         a, b = np.maximum(low, self.start), np.minimum(high, self.stop)
         u0, u1 = ((a - self.start) / width)[:, None], ((b - self.start) / width)[:, None]
-        q = host_quaternions.multiply(host_quaternions.turned(self.turn * u0), self.q)
+        q = host_quaternions.multiply(host_quaternions.turned(self.rotation_vector * u0), self.q)
         slope = self.w1 - self.w0
         w0, w1 = self.w0 + slope * u0, self.w0 + slope * u1
-        return type(self)(a, b, q, self.turn * (u1 - u0), w0, w1, self.even, self.rank)
+        return type(self)(a, b, q, self.rotation_vector * (u1 - u0), w0, w1, self.even, self.rank)
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
@@ -84,23 +66,29 @@ class Intervals:
         whole = cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
         return whole.take(np.argsort(whole.start, kind="stable"))
 
-    def stretches(self) -> list[tuple[float, float]]:
+    def windows(self) -> list[tuple[float, float]]:
         """Return the spans of ticks that the intervals cover, merged where they touch."""
         breaks = np.flatnonzero(self.start[1:] > self.stop[:-1])
         return list(zip(self.start[[0, *(breaks + 1)]], self.stop[[*breaks, -1]], strict=True))
 
 
-def segments_of(kernels: "Kernels", instrument: int) -> list[CkSegment]:
-    """Return the C-kernel segments of an instrument in order of loading: later ones win."""
-    found = kernels._process.call("ck_segments", doing="listing the segments of C-kernels")
-    return [s for s in (CkSegment(**one) for one in found) if s.instrument == instrument]
+def segments_serving(pool: KernelPool, of: FrameFacts) -> list[CkSegment]:
+    """Return the C-kernel segments of a frame in order of loading: later ones win.
+
+    Raises:
+        NoPathError: If none is loaded.
+    """
+    found = pool.ck_segments(of.class_id)
+    if not found:
+        raise NoPathError(f"No C-kernel segment for {of.name} (CK id {of.class_id}) is loaded: load the C-kernel (.bc) of this frame.")
+    return found
 
 
-def read_intervals(kernels: "Kernels", segment: CkSegment, seconds_a_tick: float, bridge: float | None) -> Intervals:
+def read_intervals(pool: KernelPool, segment: CkSegment, seconds_a_tick: float, bridge: float | None) -> Intervals:
     """Return a segment's intervals.
 
     Args:
-        kernels: The kernels, open.
+        pool: The kernels.
         segment: The segment, of type 1, 2 or 3.
         seconds_a_tick: Length of a tick (to interpolate rates and bridge instances, not to date them).
         bridge: For type 1: instances up to so many seconds apart are joined.
@@ -110,11 +98,9 @@ def read_intervals(kernels: "Kernels", segment: CkSegment, seconds_a_tick: float
         BadKernelError: If the segment is damaged.
     """
     size = segment.last - segment.first + 1
-    words = np.asarray(
-        kernels._process.call("words", segment.handle, segment.first, segment.last, doing=f"reading {segment.describe()}"), float
-    )
+    words = pool.words(segment, segment.first, segment.last)
     if not (np.abs(words) < MOST).all():
-        raise _damaged(segment, "its words are not all numbers of a plausible size")
+        raise damaged(segment, "its words are not all numbers of a plausible size")
     if segment.type == 2:
         return _spins(segment, words)
     width = 7 if segment.has_rates else 4
@@ -124,13 +110,13 @@ def read_intervals(kernels: "Kernels", segment: CkSegment, seconds_a_tick: float
         n, m = int(tail[1]), int(tail[0])
         whole = (width + 1) * n + (n - 1) // DIRECTORY + m + (m - 1) // DIRECTORY + 2
         if n < 1 or m < 1 or (n, m) != (tail[1], tail[0]) or whole != size:
-            raise _damaged(segment, f"{tail[1]:g} records and {tail[0]:g} intervals do not fill its {size} words")
+            raise damaged(segment, f"{tail[1]:g} records and {tail[0]:g} intervals do not fill its {size} words")
         at = (width + 1) * n + (n - 1) // DIRECTORY
         starts = words[at : at + m]
     else:
         n = int(words[-1])
         if n < 1 or n != words[-1] or (width + 1) * n + (n - 1) // DIRECTORY + 1 != size:
-            raise _damaged(segment, f"{words[-1]:g} records do not fill its {size} words")
+            raise damaged(segment, f"{words[-1]:g} records do not fill its {size} words")
         if bridge is None:
             raise NoPathError(
                 f"{segment.describe()} has attitudes at {n} instants only: SPICE has none in between. Give bridge=, the longest time in "
@@ -138,55 +124,51 @@ def read_intervals(kernels: "Kernels", segment: CkSegment, seconds_a_tick: float
             )
     packets, ticks = words[: width * n].reshape(n, width), words[width * n : (width + 1) * n]
     if not (np.diff(ticks) > 0).all():
-        raise _damaged(segment, "its times are not in order")
+        raise damaged(segment, "its times are not in order")
     if segment.type == 3:
         joined = np.searchsorted(starts, ticks[:-1], "right") == np.searchsorted(starts, ticks[1:], "right")
     else:
         joined = np.diff(ticks) * seconds_a_tick <= float(bridge or 0.0)
     q = _poses(segment, packets[:, :4])
-    turn = host_quaternions.vector_of(host_quaternions.multiply(q[1:], host_quaternions.conjugate(q[:-1])))
+    vector = host_quaternions.vector_of(host_quaternions.multiply(q[1:], host_quaternions.conjugate(q[:-1])))
     if segment.has_rates:
         w0, w1 = packets[:-1, 4:], packets[1:, 4:]
     else:
-        w0, w1 = _estimated(turn, np.diff(ticks) * seconds_a_tick, joined)
+        w0, w1 = _estimated(vector, np.diff(ticks) * seconds_a_tick, joined)
     even, rank = np.zeros(n - 1, bool), np.zeros(n - 1)
-    return Intervals(ticks[:-1], ticks[1:], q[:-1], turn, w0, w1, even, rank).take(np.flatnonzero(joined))
+    return Intervals(ticks[:-1], ticks[1:], q[:-1], vector, w0, w1, even, rank).take(np.flatnonzero(joined))
 
 
 def _spins(segment: CkSegment, words: np.ndarray) -> Intervals:
     """Return the intervals of a type 2 segment: a constant spin each, at the rate of the clock that the segment itself states."""
     n = round((len(words) * DIRECTORY + 1) / (10 * DIRECTORY + 1))
     if n < 1 or 10 * n + (n - 1) // DIRECTORY != len(words):
-        raise _damaged(segment, f"{n} intervals do not fill its {len(words)} words")
+        raise damaged(segment, f"{n} intervals do not fill its {len(words)} words")
     packets = words[: 8 * n].reshape(n, 8)
     start, stop, rate = words[8 * n : 9 * n], words[9 * n : 10 * n], packets[:, 4:7]
     if not (stop > start).all() or not (start[1:] >= stop[:-1]).all():
-        raise _damaged(segment, "its intervals are not in order")
-    turn = rate * ((stop - start) * packets[:, 7])[:, None]
-    return Intervals(start, stop, _poses(segment, packets[:, :4]), turn, rate, rate, np.ones(n, bool), np.zeros(n))
+        raise damaged(segment, "its intervals are not in order")
+    vector = rate * ((stop - start) * packets[:, 7])[:, None]
+    return Intervals(start, stop, _poses(segment, packets[:, :4]), vector, rate, rate, np.ones(n, bool), np.zeros(n))
 
 
 def _poses(segment: CkSegment, spice: np.ndarray) -> np.ndarray:
     """Return quaternions of o_T_p: SPICE stores those that take base coordinates to the instrument's."""
     size = np.linalg.norm(np.clip(spice, -1e3, 1e3), axis=1, keepdims=True)
     if not ((size > 0.5) & (size < 2.0)).all():
-        raise _damaged(segment, "its quaternions are not of unit length")
+        raise damaged(segment, "its quaternions are not of unit length")
     return host_quaternions.conjugate(spice / size)
 
 
-def _estimated(turn: np.ndarray, length: np.ndarray, joined: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _estimated(vector: np.ndarray, length: np.ndarray, joined: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return rates at the ends of intervals where the kernel has none: the mean rates on both sides of a knot, weighted (parabolas)."""
-    mean = turn / length[:, None]
+    mean = vector / length[:, None]
     at_start, at_end = mean.copy(), mean.copy()
     both = np.flatnonzero(joined[1:] & joined[:-1])
     h0, h1 = length[both, None], length[both + 1, None]
     knot = (mean[both] * h1 + mean[both + 1] * h0) / (h0 + h1)
     at_end[both], at_start[both + 1] = knot, knot
     return at_start, at_end
-
-
-def _damaged(segment: CkSegment, damage: str) -> BadKernelError:
-    return BadKernelError(f"{segment.describe()} is damaged or cut off: {damage}. Fetch the file again, or load another one after it.")
 
 
 def layered(runs: Sequence[tuple[CkSegment, Intervals]], low: float, high: float) -> tuple[Intervals | None, list[CkSegment]]:
@@ -218,7 +200,7 @@ def layered(runs: Sequence[tuple[CkSegment, Intervals]], low: float, high: float
                 chosen = chosen.cut(np.full(last - first, a1), np.full(last - first, b1))
             parts.append(chosen)
             at = a
-            for c, d in chosen.stretches():
+            for c, d in chosen.windows():
                 left += [(at, c)] if c > at else []
                 at = d
             left += [(at, b)] if b > at else []

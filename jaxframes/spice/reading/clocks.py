@@ -2,20 +2,18 @@
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jaxframes.errors import BadKernelError, MissingKernelError
 from jaxframes.numerics import host_two_part
+from jaxframes.spice.reading.pool import KernelPool
 from jaxframes.spice.reading.process import CspiceError
 from jaxframes.time import calendar
 from jaxframes.time.scales import LeapSeconds
 
-if TYPE_CHECKING:
-    from jaxframes.spice.kernels import Kernels
-
 TDB, TT = 1, 2
+LEAP_SECONDS = {name: f"DELTET/{name}" for name in ("DELTA_T_A", "K", "EB", "M", "DELTA_AT")}
 AGREES = 1e-6  # seconds that the coefficients may differ from CSPICE's own conversion
 
 
@@ -24,14 +22,15 @@ class Clock:
     """A spacecraft clock.
 
     Attributes:
+        pool: The kernels that it is of.
         id: Its SPICE id.
         ticks: Where each piece of its rate begins, encoded ticks [n]; empty where CSPICE converts.
         seconds: The parallel time there.
         rates: Seconds a tick from there on, in two parts [2, n].
-        tt_offsets: Whether the parallel time is TT, and TDB - TT is to be added.
+        terrestrial: Where the parallel time is TT, the numbers K, EB, M0 and M1 of TDB - TT, which is to be added.
     """
 
-    kernels: "Kernels"
+    pool: KernelPool
     id: int
     ticks: np.ndarray
     seconds: np.ndarray
@@ -57,7 +56,7 @@ class Clock:
         CSPICE returns one double, 1.2e-7 s apart today: half a microradian of a spinner. The clock's own coefficients give all digits.
         """
         if not len(self.ticks):
-            return self._by_cspice(ticks), np.zeros(len(ticks))
+            return self.by_cspice(ticks), np.zeros(len(ticks))
         at = np.clip(np.searchsorted(self.ticks, ticks, "right") - 1, 0, None) if piece is None else np.full(len(ticks), piece)
         past = host_two_part.two_sum(ticks, -self.ticks[at])
         moved = host_two_part.multiply(past, (self.rates[0][at], self.rates[1][at]))
@@ -68,23 +67,24 @@ class Clock:
             found = host_two_part.add(found, (k * np.sin(mean + eb * np.sin(mean)), np.zeros(len(ticks))))
         return found
 
-    def _by_cspice(self, ticks: np.ndarray) -> np.ndarray:
-        return np.asarray(self.kernels._process.call("ticks_to_et", self.id, ticks, doing=f"converting clock {self.id}"), float)
+    def by_cspice(self, ticks: np.ndarray) -> np.ndarray:
+        """Return ET of encoded ticks as CSPICE rounds it."""
+        return self.pool.ticks_to_et(self.id, ticks)
 
 
-def clock_of(kernels: "Kernels", ck_id: int) -> Clock:
+def clock_of(pool: KernelPool, ck_id: int) -> Clock:
     """Return the clock that a CK id counts in.
 
     Raises:
         MissingKernelError: If no SCLK kernel for it is loaded.
     """
-    number = int(kernels._process.call("clock", ck_id, doing=f"looking up the clock of {ck_id}"))
-    plain = Clock(kernels, number, np.zeros(0), np.zeros(0), np.zeros((2, 0)), None)
+    number = pool.clock_id(ck_id)
+    plain = Clock(pool, number, np.zeros(0), np.zeros(0), np.zeros((2, 0)), None)
     key = f"_{-number}"
-    table, moduli, system = _numbers(kernels, *(f"SCLK01_{name}{key}" for name in ("COEFFICIENTS", "MODULI", "TIME_SYSTEM")))
+    table, moduli, system = _numbers(pool, *(f"SCLK01_{name}{key}" for name in ("COEFFICIENTS", "MODULI", "TIME_SYSTEM")))
     try:
         probes = table[::3] if len(table) else np.array([0.0, 1e6])
-        own = plain._by_cspice(probes)
+        own = plain.by_cspice(probes)
     except CspiceError as error:
         if error.short not in ("SPICE(KERNELVARNOTFOUND)", "SPICE(NOLEAPSECONDS)", "SPICE(MISSINGTIMEINFO)"):
             raise
@@ -93,37 +93,31 @@ def clock_of(kernels: "Kernels", ck_id: int) -> Clock:
             f"C-kernels count time in ticks of clock {number}: load its {what}. CSPICE says {error.short}: {error}"
         ) from error
     kind = int(system[0]) if len(system) else TDB
-    lsk = _numbers(kernels, *(f"DELTET/{name}" for name in ("K", "EB", "M"))) if kind == TT else []
+    lsk = _numbers(pool, *(f"DELTET/{name}" for name in ("K", "EB", "M"))) if kind == TT else []
     if not len(table) or len(table) % 3 or not len(moduli) or kind not in (TDB, TT) or any(not len(x) for x in lsk):
         return plain
     ticks, seconds, rates = table.reshape(-1, 3).T
     per_major = np.full(len(ticks), float(np.prod(moduli[1:])))
     pair = host_two_part.divide((rates, np.zeros(len(rates))), per_major)
-    made = Clock(kernels, number, ticks, seconds, np.array(pair), tuple(float(v) for x in lsk for v in x) if lsk else None)
+    made = Clock(pool, number, ticks, seconds, np.array(pair), tuple(float(v) for x in lsk for v in x) if lsk else None)
     return made if np.abs(made.seconds_of(probes)[0] - own).max() < AGREES else plain
 
 
-def _numbers(kernels: "Kernels", *names: str) -> list[np.ndarray]:
+def _numbers(pool: KernelPool, *names: str) -> list[np.ndarray]:
     """Return the numbers of kernel variables, empty arrays for those that do not exist."""
-    found = kernels._process.call("numbers", list(names), doing=f"reading {names[0]}")
+    found = pool.numbers(names, doing=f"reading {names[0]}")
     return [np.asarray(found[name] or [], float) for name in names]
 
 
-if TYPE_CHECKING:
-    from jaxframes.spice.kernels import Kernels
-
-NAMES = {name: f"DELTET/{name}" for name in ("DELTA_T_A", "K", "EB", "M", "DELTA_AT")}
-
-
-def read_leap_seconds(kernels: "Kernels") -> LeapSeconds:
+def read_leap_seconds(pool: KernelPool) -> LeapSeconds:
     """Return the table of the leap-seconds kernel loaded.
 
     Raises:
         MissingKernelError: If none is loaded.
         BadKernelError: If its numbers make no sense.
     """
-    pool = kernels._process.call("numbers", list(NAMES.values()), doing="reading the leap seconds")
-    found = {name: pool[full] for name, full in NAMES.items()}
+    numbers = pool.numbers(tuple(LEAP_SECONDS.values()), doing="reading the leap seconds")
+    found = {name: numbers[full] for name, full in LEAP_SECONDS.items()}
     if not any(found.values()):
         raise MissingKernelError(
             "No leap-seconds kernel is loaded: add one, such as jf.spice.find_kernels('leapseconds'). Epoch.from_utc does without: "
@@ -139,6 +133,6 @@ def read_leap_seconds(kernels: "Kernels") -> LeapSeconds:
     if not (fits and starts and whole and list(starts) == sorted(set(starts))):
         raise BadKernelError(f"The leap-seconds kernel loaded is damaged: it gives {sizes} numbers, entries {starts}.")
     single = {name: (found[name] or [0.0])[0] for name in ("DELTA_T_A", "K", "EB")}
-    (m0, m1), files = found["M"] or (0.0, 0.0), ", ".join(file.name for file in kernels._text)
+    (m0, m1), files = found["M"] or (0.0, 0.0), ", ".join(file.name for file in pool.text)
     as_of = f"kernels {files}; last entry {calendar.date_text(starts[-1][0])}"
     return LeapSeconds(starts, Fraction(str(single["DELTA_T_A"])), single["K"], single["EB"], m0, m1, as_of)

@@ -1,4 +1,4 @@
-"""Which files a user means: single kernels, and directories of them."""
+"""Kernel files: those that a user names, those that packages ship, their checksums, and names that CSPICE can take."""
 
 import hashlib
 import importlib.util

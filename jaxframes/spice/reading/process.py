@@ -1,4 +1,4 @@
-"""The caller's side of the process that reads kernels: start it, ask it, end it."""
+"""The process that holds a kernel pool, from the caller's side: start it, ask it, end it."""
 
 import contextlib
 import subprocess
@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from jaxframes.errors import BadKernelError, MissingKernelError, SpiceError
-from jaxframes.spice.options import is_number
 from jaxframes.spice.reading.worker import receive, send
 
 TIMEOUT = 600.0
@@ -26,19 +25,6 @@ class CspiceError(SpiceError):
         self.short = short
 
 
-def checked_timeout(timeout: Any) -> float | None:
-    """Return a time-out in seconds, None for none at all.
-
-    Raises:
-        SpiceError: If it is something else, or longer than a thread can wait.
-    """
-    if timeout is None:
-        return None
-    if is_number(timeout) and 0 < timeout <= threading.TIMEOUT_MAX:
-        return float(timeout)
-    raise SpiceError(f"timeout={timeout!r}: give the seconds that one answer may take, more than zero, or None for any time.")
-
-
 class KernelProcess:
     """A process with a kernel pool of its own. Calls from several threads take turns."""
 
@@ -49,21 +35,23 @@ class KernelProcess:
             timeout: Longest time in seconds that an answer may take, None for any: the process is then ended.
 
         Raises:
-            SpiceError: If the time is none.
             MissingKernelError: If spiceypy cannot be imported there.
         """
-        timeout = checked_timeout(timeout)
         # -P: the folder of the worker's file holds modules that must not shadow others. By path, not -m: jax stays out of it.
         self._popen = subprocess.Popen(
-            [sys.executable, "-P", str(WORKER)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+            [sys.executable, "-P", str(WORKER)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C in a terminal goes to all of a session: it is the caller's business
         )
-        self._lock = threading.Lock()
+        self._lock, self._number = threading.Lock(), 0
         # Starting reads no kernel, and takes as long as the machine is busy: the caller's time-out is for requests.
         self._timeout, self._late = TIMEOUT, False
         self._finalizer = weakref.finalize(self, _shut, self._popen)
-        self._doing = "starting"
+        self._doing, self._why_closed = "starting", "use them inside their `with` block."
         try:
-            with self._watched():
+            with self._watched(), self._whole():
                 self._answer()
         except CspiceError as error:
             self.close()
@@ -85,11 +73,12 @@ class KernelProcess:
         """
         with self._lock:
             if not self._finalizer.alive:
-                raise SpiceError("These kernels are closed: use them inside their `with` block.")
+                raise SpiceError(f"These kernels are closed: {self._why_closed}")
             self._doing = doing
-            with self._watched():
+            self._number += 1
+            with self._watched(), self._whole():
                 try:
-                    send(self._popen.stdin, (method, arguments))  # pyright: ignore[reportArgumentType]
+                    send(self._popen.stdin, (self._number, method, arguments))  # pyright: ignore[reportArgumentType]
                 except OSError as error:
                     raise self._death() from error
                 return self._answer()
@@ -108,15 +97,32 @@ class KernelProcess:
         finally:
             timer.cancel()
 
+    @contextlib.contextmanager
+    def _whole(self) -> Iterator[None]:
+        """End the process if a request is broken off: what it still answers would be taken for the answer to the next request."""
+        try:
+            yield
+        except CspiceError:  # is an answer
+            raise
+        except BaseException as error:
+            self._popen.kill()
+            self._finalizer()
+            if not isinstance(error, BadKernelError):
+                broken = f"a request was broken off while {self._doing} ({type(error).__name__}), which ended the process that reads them."
+                self._why_closed = f"{broken} Open them again."
+            raise
+
     def _give_up(self) -> None:
         self._late = True
         self._popen.kill()
 
     def _answer(self) -> Any:
         try:
-            status, *content = receive(self._popen.stdout)  # pyright: ignore[reportArgumentType]
+            number, status, *content = receive(self._popen.stdout)  # pyright: ignore[reportArgumentType]
         except (EOFError, OSError) as error:
             raise self._death() from error
+        if number != self._number:
+            raise SpiceError(f"The process that reads kernels answered request {number}, not {self._number}, while {self._doing}.")
         if status == "failed":
             raise CspiceError(*content)
         return content[0]

@@ -1,4 +1,4 @@
-"""From body to body and from frame to frame through the segments loaded, with errors that say why there is no way."""
+"""Chains of segments from body to body, and the pieces that orient a frame, with errors that say why there are none."""
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
@@ -17,7 +17,7 @@ class Walk:
 
     Attributes:
         bodies: The bodies, link by link.
-        legs: The pieces of segments of each link; none for a link over centres that change.
+        links: The pieces of segments of each link; none for a link over centres that change.
         shortfall: Why the way ends before the span does, if it does.
     """
 
@@ -36,7 +36,7 @@ class Walk:
             NoPathError: If a body has several centres, unless they are to meet and do; or the segments run in a circle.
         """
         self.bodies = [body]
-        self.legs: list[list[Piece]] = []
+        self.links: list[list[Piece]] = []
         self.shortfall: CoverageError | None = None
         while True:
             own = [s for s in segments if s.kind == "SPK" and s.body == self.bodies[-1]]
@@ -62,7 +62,7 @@ class Walk:
             if center in self.bodies:
                 raise NoPathError(f"The segments loaded run in a circle: {self.text(name)}, {name(center)}.")
             self.bodies.append(center)
-            self.legs.append(pieces)
+            self.links.append(pieces)
 
     def text(self, name: Name) -> str:
         """Return the bodies of the walk as text."""
@@ -82,12 +82,12 @@ def on_the_way(bodies: Sequence[int], segments: Sequence[Segment]) -> list[int]:
     return list(dict.fromkeys(body for chain in chains for body in (chain[: chain.index(common)] if common is not None else chain)))
 
 
-def translation_legs(
+def translation_links(
     target: int, center: int, segments: Sequence[Segment], start: Fraction, stop: Fraction, name: Name
 ) -> list[tuple[int, list[Piece]]]:
-    """Return the signed legs whose sum is the position of a target relative to a center, over a whole span.
+    """Return the signed links whose sum is the position of a target relative to a center, over a whole span.
 
-    Each leg is (+1 or -1, its pieces in time order); the shortest way through the nearest common body, as SPICE goes.
+    Each link is (+1 or -1, its pieces in time order); the shortest way through the nearest common body, as SPICE goes.
 
     Raises:
         CoverageError: If segments of a body on the way exist but leave a part of the span out.
@@ -96,7 +96,9 @@ def translation_legs(
     up, down = (Walk(body, segments, start, stop, name) for body in (target, center))
     common = next((body for body in up.bodies if body in down.bodies), None)
     if common is not None:
-        return [(1, leg) for leg in up.legs[: up.bodies.index(common)]] + [(-1, leg) for leg in down.legs[: down.bodies.index(common)]]
+        return [(1, link) for link in up.links[: up.bodies.index(common)]] + [
+            (-1, link) for link in down.links[: down.bodies.index(common)]
+        ]
     for walk in (up, down):
         if walk.shortfall is not None:
             raise walk.shortfall

@@ -1,4 +1,4 @@
-"""Segments of binary kernels on the host: which one serves which part of a span, and reading the records that cover it."""
+"""Segments of binary kernels: their summaries, and which one serves which part of a span."""
 
 import math
 from bisect import bisect_left, bisect_right
@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from jaxframes.errors import BadKernelError, NoPathError
-from jaxframes.spice.reading.process import KernelProcess
-from jaxframes.tables.index import HANDOVER
+from jaxframes.tables.index import AFTER_END
 
 CHEBYSHEV_TYPES = {"SPK": (2, 3), "PCK": (2,)}
 MOST = 1e15  # km, km/s or rad: a number beyond it (a hundred light years) is damage
@@ -81,7 +79,28 @@ class Segment:
         return ""
 
 
-def damaged(segment: Segment, damage: str) -> BadKernelError:
+@dataclass(frozen=True)
+class CkSegment:
+    """One segment of a C-kernel; begin and end are encoded ticks of the clock."""
+
+    path: str
+    handle: int
+    instrument: int
+    frame: int
+    type: int
+    has_rates: bool
+    begin: float
+    end: float
+    first: int
+    last: int
+    name: str
+
+    def describe(self) -> str:
+        """Return a short text for messages."""
+        return f"segment {self.name!r} (CK type {self.type}, id {self.instrument}) of {Path(self.path).name}"
+
+
+def damaged(segment: Segment | CkSegment, damage: str) -> BadKernelError:
     """Return the error to raise over a segment that contradicts itself."""
     return BadKernelError(f"{segment.describe()} is damaged or cut off: {damage}. Fetch the file again, or load another one after it.")
 
@@ -96,7 +115,7 @@ class Piece:
     rank: int = 0
 
 
-def handed_over(pieces: Sequence[Piece]) -> list[bool]:
+def open_starts(pieces: Sequence[Piece]) -> list[bool]:
     """Return for each of consecutive pieces whether its first instant belongs to the one before: SPICE takes segments as closed."""
     return [False, *(a.rank > b.rank and a.stop == b.start for a, b in pairwise(pieces))]
 
@@ -115,7 +134,7 @@ class Records:
         stop: Instant up to which the last one serves.
         inner: Instants between the records where these are of unequal length; None where they are ``step`` long.
         apart: By how much SPICE's own velocities differ from the derivatives of its positions, m/s.
-        late: Whether the instant ``start`` itself belongs to the records before.
+        open_start: Whether the instant ``start`` itself belongs to the records before.
     """
 
     coefficients: np.ndarray
@@ -127,11 +146,11 @@ class Records:
     stop: Fraction
     inner: tuple[Fraction, ...] | None = None
     apart: float = 0.0
-    late: bool = False
+    open_start: bool = False
 
     def starts(self) -> list[Fraction]:
         """Return the exact instant from which each record serves."""
-        start = self.start + (HANDOVER if self.late else 0)
+        start = self.start + (AFTER_END if self.open_start else 0)
         if self.inner is not None:
             return [start, *self.inner]
         return [start, *(self.origin + i * self.step for i in range(1, len(self.middle)))]
@@ -167,13 +186,13 @@ def select(segments: Iterable[Segment], start: Fraction, stop: Fraction) -> tupl
     return sorted(pieces, key=lambda piece: piece.start), gaps
 
 
-def late_instants(segments: Iterable[Segment], start: Fraction, stop: Fraction) -> set[Fraction]:
-    """Return the instants within a span at which a segment hands over its last instant not to the one that follows it."""
+def kept_ends(segments: Iterable[Segment], start: Fraction, stop: Fraction) -> set[Fraction]:
+    """Return the instants within a span that the segment that ends there keeps, and not the one that starts there."""
     listed = list(segments)
     found = set[Fraction]()
     for body in {s.body for s in listed}:
         pieces, _ = select([s for s in listed if s.body == body], start, stop)
-        found |= {piece.start for piece, late in zip(pieces, handed_over(pieces), strict=True) if late}
+        found |= {piece.start for piece, is_open in zip(pieces, open_starts(pieces), strict=True) if is_open}
     return found
 
 
@@ -186,34 +205,3 @@ def coverage(segments: Iterable[Segment]) -> list[tuple[Fraction, Fraction]]:
         else:
             merged.append((begin, end))
     return merged
-
-
-def read_records(process: KernelProcess, piece: Piece) -> Records:
-    """Read the records of a segment that cover its piece of the span, and no others.
-
-    Raises:
-        NoPathError: If the segment's type is not read.
-        BadKernelError: If the segment is damaged.
-    """
-    segment = piece.segment
-    init, length, size, count = segment.grid()
-    step = Fraction(length)
-    first = min(max(math.floor((piece.start - Fraction(init)) / step), 0), count - 1)
-    # The instant at which a record ends belongs to the next one, except the last of the piece.
-    last = min(max(math.ceil((piece.stop - Fraction(init)) / step) - 1, first), count - 1)
-    address = segment.first + first * size
-    words: Any = process.call(
-        "words", segment.handle, address, segment.first + (last + 1) * size - 1, doing=f"reading {segment.describe()}"
-    )
-    rows = np.asarray(words, np.float64).reshape(last - first + 1, size)
-    middle, radius = rows[:, 0].copy(), rows[:, 1].copy()
-    expected = init + (np.arange(first, last + 1) + 0.5) * length
-    if (
-        not np.isfinite(rows).all()
-        or np.abs(rows[:, 2:]).max() > MOST
-        or np.abs(middle - expected).max() > 1e-6 * length
-        or np.abs(radius * 2 / length - 1).max() > 1e-6
-    ):
-        raise BadKernelError(f"{segment.describe()} is damaged: its records are not finite or not where its directory says.")
-    coefficients = rows[:, 2:].reshape(len(rows), segment.series, -1)
-    return Records(coefficients, middle, radius, Fraction(init) + first * step, step, piece.start, piece.stop)

@@ -7,6 +7,7 @@ prints goes nowhere near them.
 
 import os
 import pickle
+import signal
 import struct
 import sys
 import time
@@ -146,7 +147,7 @@ class Reader:
             "id": number,
             "name": self.spice.frmnam(number),
             "center": int(center),
-            "class": int(frame_class),
+            "frame_class": int(frame_class),
             "class_id": int(class_id),
         }
 
@@ -182,10 +183,6 @@ class Reader:
         listed = [self.spice.kdata(i, "ALL")[:2] for i in range(self.spice.ktotal("ALL"))]
         return [path for path, kind in listed if kind in kinds or "ALL" in kinds]
 
-    def frame_names(self) -> list[str]:
-        """Return the names of all frames, built in and defined by text kernels."""
-        return [self.spice.frmnam(i) for i in self._frame_ids()]
-
     def numbers(self, names: list[str]) -> dict[str, list[float] | None]:
         """Return the numbers of kernel-pool variables, None for those that do not exist or hold text."""
         found: dict[str, list[float] | None] = {}
@@ -210,13 +207,13 @@ class Reader:
         """Return states of a body, [n, 6] in km and km/s, at ET seconds; geometric or with one of SPICE's aberration corrections."""
         return self.numpy.array([self.spice.spkez(target, float(t), frame, correction, center)[0] for t in times]).reshape(-1, 6)
 
-    def turns(self, frame: str, relative_to: str, times: Any) -> Any:
+    def rotations(self, frame: str, relative_to: str, times: Any) -> Any:
         """Return rotation matrices [n, 3, 3] from a frame to another and angular velocities [n, 3] of it there, at ET seconds."""
         found = [self.spice.xf2rav(self.spice.sxform(relative_to, frame, float(t))) for t in times]
         return self.numpy.array([m.T for m, _ in found]), self.numpy.array([w for _, w in found])
 
-    def turns_where(self, frame: str, relative_to: str, times: Any) -> Any:
-        """Return what ``turns`` does, NaN at the epochs that CSPICE has no answer for."""
+    def rotations_or_nan(self, frame: str, relative_to: str, times: Any) -> Any:
+        """Return what ``rotations`` does, NaN at the epochs that CSPICE has no answer for."""
         rotations, rates = self.numpy.full((len(times), 3, 3), self.numpy.nan), self.numpy.full((len(times), 3), self.numpy.nan)
         for i, t in enumerate(times):
             try:
@@ -226,9 +223,9 @@ class Reader:
             rotations[i], rates[i] = matrix.T, rate
         return rotations, rates
 
-    def attitudes(self, frame: str, relative_to: str, times: Any) -> Any:
-        """Return what ``turns_where`` does; where CSPICE has a rotation but no rate, that alone."""
-        rotations, rates = self.turns_where(frame, relative_to, times)
+    def attitudes_or_nan(self, frame: str, relative_to: str, times: Any) -> Any:
+        """Return what ``rotations_or_nan`` does; where CSPICE has a rotation but no rate, that alone."""
+        rotations, rates = self.rotations_or_nan(frame, relative_to, times)
         for i in self.numpy.flatnonzero(~self.numpy.isfinite(rotations).all((1, 2))):
             try:
                 rotations[i] = self.spice.pxform(frame, relative_to, float(times[i]))
@@ -297,29 +294,33 @@ class Reader:
 
 
 def serve(requests: BinaryIO, answers: BinaryIO) -> None:
-    """Answer requests (method, arguments) until the stream ends."""
+    """Answer requests (number, method, arguments) with (number, "ok", result) or (number, "failed", name, text) until the stream ends.
+
+    The number tells whoever reads an answer which request it is for; that the process started, or could not, is answer 0.
+    """
     try:
         reader = Reader()
     except Exception as error:
-        send(answers, ("failed", type(error).__name__, str(error)))
+        send(answers, (0, "failed", type(error).__name__, str(error)))
         return
-    send(answers, ("ok", None))
+    send(answers, (0, "ok", None))
     while True:
         try:
-            method, arguments = receive(requests)
+            number, method, arguments = receive(requests)
         except EOFError:
             return
         try:
-            answer = ("ok", getattr(reader, method)(*arguments))
+            answer = (number, "ok", getattr(reader, method)(*arguments))
         except Exception as error:
             short = getattr(error, "short", type(error).__name__)
             text = getattr(error, "long", "") or getattr(error, "explain", "") or str(error)
-            answer = ("failed", str(short), " ".join(str(text).split()))
+            answer = (number, "failed", str(short), " ".join(str(text).split()))
         send(answers, answer)
 
 
 def main() -> None:
-    """Keep the real output for answers only, and serve."""
+    """Keep the real output for answers only, leave interrupts to the process that asks, and serve."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     if os.name == "nt":
         import msvcrt
 

@@ -1,4 +1,4 @@
-"""The instant at which one segment hands over to another: SPICE's segments are closed, and the one that wins keeps it."""
+"""Segments closed at both ends: of two that meet, the one that wins keeps the instant at which they do, as in SPICE."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def test_positions(cspice, tmp_path, rng, dtype, origin, order):
     for table in (edge, jf.spice.merge(jf.spice.crop(edge, stop=origin + 450.0), jf.spice.crop(edge, start=origin + 450.0))):
         found = np.asarray(table.evaluate(epochs, 0)[0], float)
         assert np.abs(found - reference).max() <= tolerances(dtype, np.abs(reference).max())
-    assert (edge.legs[0].first is None) == (order == "earlier first")  # the usual order stays on its even grid
+    assert (edge.record_tables[0].first is None) == (order == "earlier first")  # the usual order stays on its even grid
     if dtype == np.float64:  # two parts that are not rounded to each other are the same instant
         split = jf.Epoch(np.full(3, origin), EDGES[::2])
         assert np.abs(np.asarray(edge.evaluate(split, 0)[0]) - reference[::2]).max() <= tolerances(dtype, np.abs(reference).max())
@@ -102,6 +102,6 @@ def test_attitudes(cspice, tmp_path, order):
     with jf.spice.Kernels([*orbits.clock(tmp_path, 0.0), path]) as kernels:
         edge = kernels.orientation(frame="TESTCRAFT", ck="spice")
         worst = jf.spice.compare(kernels, edge, EDGES)
-        assert edge.legs[0].rows.shape[0] == 30
+        assert edge.record_tables[0].rows.shape[0] == 30
     assert worst.value < 1e-14
     assert worst.rate < 1e-15

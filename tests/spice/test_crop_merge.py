@@ -1,7 +1,6 @@
-"""Tables cut, merged, listed; files of an older schema."""
+"""Tables cut, merged, listed."""
 
 import itertools
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -12,8 +11,6 @@ import jaxframes as jf
 from jaxframes.errors import CoverageError, TableError
 from tests.spice import orbits
 from tests.spice.test_store import equal
-
-DATA = Path(__file__).parent.parent / "data"
 
 
 @pytest.fixture(scope="module")
@@ -39,20 +36,6 @@ def values(table, times):
     return [np.asarray(x) for x in table.evaluate(times)]
 
 
-def test_a_file_of_schema_1_gives_the_values_it_was_written_with(dtype):
-    tables = jf.spice.load(DATA / "tables_schema1.npz")
-    assert list(tables) == ["moon", "mars", "mixed", "itrf93"]
-    stored = np.load(DATA / "tables_schema1_values.npz")
-    for name, table in tables.items():
-        for i, value in enumerate(values(table, stored[f"{name}/0"]), 1):
-            reference = stored[f"{name}/{i}"]
-            # Angular accelerations are what is left of products of rates: in float32 they keep fewer digits.
-            bound = (4e-15 if dtype == np.float64 else 2e-5) * np.abs(reference).max()
-            assert np.abs(value - reference).max() <= bound, (name, i)
-        assert table.info.method == "exact extraction of Chebyshev records"
-        assert (table.info.correction, table.info.notes) == ("NONE", ())
-
-
 def test_all_kinds_of_tables_come_back_bit_for_bit(craft, tmp_path):
     jf.spice.save(tmp_path / "all.npz", craft)
     loaded = jf.spice.load(tmp_path / "all.npz")
@@ -68,9 +51,8 @@ def test_all_kinds_of_tables_come_back_bit_for_bit(craft, tmp_path):
     ]
     for name, entry in listed.items():
         assert entry.info == craft[name].info
-        assert entry.records == tuple(leg.rows.shape[0] for leg in craft[name].legs)
+        assert entry.records == tuple(leg.rows.shape[0] for leg in craft[name].record_tables)
     assert str(listed["knots"]).startswith("knots: TESTCRAFT from J2000 in J2000, 2000-01-01T12:00:00.000 ..")
-    assert jf.spice.contents(DATA / "tables_schema1.npz")["moon"].records == (5,)
 
 
 def test_contents_finds_damage(craft, tmp_path):
@@ -88,12 +70,12 @@ def test_cropped_tables_have_the_same_values_and_fewer_records(craft, name):
     times = np.array([320.0, 321.5, 470.0, 580.0, 905.0, 1000.0, 1150.0])
     for a, b in zip(values(part, times), values(whole, times), strict=True):
         np.testing.assert_array_equal(a, b)
-    assert part.legs[0].rows.shape[0] < whole.legs[0].rows.shape[0] or name == "fitted"  # whose few records all serve
+    assert part.record_tables[0].rows.shape[0] < whole.record_tables[0].rows.shape[0] or name == "fitted"  # whose few records all serve
     outside = np.array([319.0, 1151.0])
     assert np.asarray(part.coverage_code(outside)).tolist() == [-1, 1]
     assert np.isnan(values(part, outside)[0]).all()
     assert (part.info.start, part.info.stop) == ("320", "1150")
-    assert part.legs[0].rows.dtype == whole.legs[0].rows.dtype
+    assert part.record_tables[0].rows.dtype == whole.record_tables[0].rows.dtype
 
 
 @pytest.mark.parametrize("name", ["orbit", "knots", "spice", "fitted"])
@@ -106,7 +88,7 @@ def test_cut_and_merged_tables_are_what_they_were(craft, name):
     times = np.sort(np.append(np.random.default_rng(1).uniform(130, 1450, 40), middle))
     for a, b in zip(values(again, times), values(whole, times), strict=True):
         np.testing.assert_array_equal(a, b)
-    assert again.legs[0].rows.shape == whole.legs[0].rows.shape
+    assert again.record_tables[0].rows.shape == whole.record_tables[0].rows.shape
     assert (again.info.start, again.info.stop) == ends
 
 
@@ -119,7 +101,7 @@ def test_parts_that_lie_within_one_record_merge(craft, name):
     times = np.sort(np.concatenate([np.random.default_rng(1).uniform(130, 1450, 40), cuts[1:-1], [302.2, 302.7, 470.5]]))
     for a, b in zip(values(again, times), values(whole, times), strict=True):
         np.testing.assert_array_equal(a, b)
-    assert again.legs[0].rows.shape == whole.legs[0].rows.shape
+    assert again.record_tables[0].rows.shape == whole.record_tables[0].rows.shape
     assert (again.info.start, again.info.stop) == (whole.info.start, whole.info.stop)
 
 
@@ -128,9 +110,9 @@ def test_a_part_within_one_record_of_an_even_grid_merges(request, name):
     whole = request.getfixturevalue(name)
     a, b = 820497600 + 864100.0, 820497600 + 864200.0
     parts = [jf.spice.crop(whole, stop=a), jf.spice.crop(whole, a, b), jf.spice.crop(whole, start=b)]
-    assert [leg.rows.shape[0] for leg in parts[1].legs] == [1] * len(whole.legs)
+    assert [leg.rows.shape[0] for leg in parts[1].record_tables] == [1] * len(whole.record_tables)
     again = jf.spice.merge(*parts)
-    equal(again.legs, whole.legs)
+    equal(again.record_tables, whole.record_tables)
     times = np.array([a - 864000, a - 1, a, a + 50, b, b + 1, b + 1e6])
     for x, y in zip(values(again, times), values(whole, times), strict=True):
         np.testing.assert_array_equal(x, y)
@@ -141,8 +123,8 @@ def test_uniform_records_stay_uniform_and_references_may_differ(kernels, dtype):
     made_tables = [kernels.translation(target="MOON", center="EARTH", start=a, stop=b) for a, b in months]
     whole = kernels.translation(target="MOON", center="EARTH", start="2026-01-01", stop="2026-04-01")
     merged = jf.spice.merge(*({"moon": t} for t in made_tables))["moon"]
-    assert merged.legs[0].first is None
-    assert merged.legs[0].rows.shape == whole.legs[0].rows.shape
+    assert merged.record_tables[0].first is None
+    assert merged.record_tables[0].rows.shape == whole.record_tables[0].rows.shape
     times = 820497600.0 + np.random.default_rng(2).integers(0, 7_700_000, 60)
     for a, b in zip(values(merged, times), values(whole, times), strict=True):
         np.testing.assert_array_equal(a, b)

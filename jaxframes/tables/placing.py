@@ -1,9 +1,9 @@
-"""Frames of a tree by SPICE ids: finding the one for a body and a frame, or hanging it where it belongs."""
+"""Placing frames in a tree by SPICE ids: finding the one for a body and a frame, or hanging it where it belongs."""
 
+import abc
 import contextlib
 import itertools
-from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from fractions import Fraction
 from typing import Any, Protocol
 
@@ -19,51 +19,8 @@ Key = tuple[int, int]
 """The ids of a body and of a frame."""
 
 
-class Source(Protocol):
-    """Where edges between SPICE frames come from: kernels, or tables made before."""
-
-    asked: tuple[Fraction | None, Fraction | None]
-    """The span that edges are asked to cover, None where they are not."""
-
-    def body(self, body: str | int) -> tuple[int, str]:
-        """Return the id and name of a body."""
-        ...
-
-    def frame(self, body: int, frame: str | int | None) -> tuple[int, str]:
-        """Return the id and name of a frame; the default frame of a body for None."""
-        ...
-
-    def centered(self, body: int, frame: int) -> bool:
-        """Whether a body is the centre of a frame."""
-        ...
-
-    def base(self, frame: int) -> tuple[int, str]:
-        """Return the frame that an orientation edge of a frame starts from."""
-        ...
-
-    def chain(self, body: int, there: Collection[int]) -> list[int]:
-        """Return a body and the bodies that its position is given relative to, link by link, by way of one that is there if possible."""
-        ...
-
-    def translation(self, target: int, center: int) -> Edge:
-        """Return the edge from a body to another, axes J2000."""
-        ...
-
-    def orientation(self, frame: tuple[int, str], base: tuple[int, str]) -> Edge:
-        """Return the edge from a frame to another."""
-        ...
-
-
-class OffersEdges(ABC):
-    """What frames can be placed from, such as open kernels."""
-
-    @abstractmethod
-    def edge_source(self, **options: Any) -> Source:
-        """Return the source of edges with the options that a user gives."""
-
-
-class Builder(Protocol):
-    """What frames are placed in: ``TreeBuilder``."""
+class TreeInMaking(Protocol):
+    """What placing needs of a ``TreeBuilder``, which is made of layers above this one."""
 
     @property
     def root(self) -> str:
@@ -72,23 +29,64 @@ class Builder(Protocol):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Frame names in order of declaration, the root first."""
+        """Frame names in order of declaration."""
         ...
 
-    def frames(self) -> Iterator[tuple[str, str | None, Edge | None, Mapping[str, Any]]]:
+    def frames(self) -> Iterable[tuple[str, str | None, Edge | None, Mapping[str, Any]]]:
         """Return (name, parent, edge, properties) of each frame."""
         ...
 
     def add(self, name: str, *, parent: str, edge: Edge, properties: Mapping[str, Any] | None = None) -> None:
         """Add a frame below an existing one."""
-        ...
 
     def remove(self, name: str) -> None:
         """Remove a frame, and what hangs on it."""
-        ...
 
 
-def place(builder: Builder, source: Source, body: str | int, frame: str | int | None) -> str:
+class EdgeSource(abc.ABC):
+    """Where edges between SPICE frames come from: kernels, or tables made before."""
+
+    asked: tuple[Fraction | None, Fraction | None]
+    """The span that edges are asked to cover, None where they are not."""
+
+    @abc.abstractmethod
+    def body(self, body: str | int) -> tuple[int, str]:
+        """Return the id and name of a body."""
+
+    @abc.abstractmethod
+    def frame(self, body: int, frame: str | int | None) -> tuple[int, str]:
+        """Return the id and name of a frame; the default frame of a body for None."""
+
+    @abc.abstractmethod
+    def centered(self, body: int, frame: int) -> bool:
+        """Whether a body is the centre of a frame."""
+
+    @abc.abstractmethod
+    def base(self, frame: int) -> tuple[int, str]:
+        """Return the frame that an orientation edge of a frame starts from."""
+
+    @abc.abstractmethod
+    def chain(self, body: int, there: Collection[int]) -> list[int]:
+        """Return a body and the bodies that its position is given relative to, link by link, by way of one that is there if possible."""
+
+    @abc.abstractmethod
+    def translation(self, target: int, center: int) -> Edge:
+        """Return the edge from a body to another, axes J2000."""
+
+    @abc.abstractmethod
+    def orientation(self, frame: tuple[int, str], base: tuple[int, str]) -> Edge:
+        """Return the edge from a frame to another."""
+
+
+class OffersEdges(abc.ABC):
+    """What ``TreeBuilder.add_spice`` takes besides tables: open kernels."""
+
+    @abc.abstractmethod
+    def edge_source(self, *args: Any, **options: Any) -> EdgeSource:
+        """Return the source of edges with the options that a user gives."""
+
+
+def place(builder: TreeInMaking, source: EdgeSource, body: str | int, frame: str | int | None) -> str:
     """Return the name of the frame for a body and a SPICE frame in a builder, added if it is not there.
 
     A frame with turning axes hangs on the inertial frame (J2000) of its body, or on the frame that it is fixed to; an inertial frame
@@ -106,8 +104,8 @@ def place(builder: Builder, source: Source, body: str | int, frame: str | int | 
         raise
 
 
-def _place(builder: Builder, source: Source, body: tuple[int, str], frame: tuple[int, str]) -> str:
-    known = {key: name for name, key in reversed(identities(builder, source).items())}
+def _place(builder: TreeInMaking, source: EdgeSource, body: tuple[int, str], frame: tuple[int, str]) -> str:
+    known = {key: name for name, key in reversed(spice_ids(builder, source).items())}
     key = body[0], frame[0]
     if key in known:
         _check_span(builder, source, known[key])
@@ -120,7 +118,7 @@ def _place(builder: Builder, source: Source, body: tuple[int, str], frame: tuple
     return _add(builder, wanted, parent, source.orientation(frame, base), body, frame)
 
 
-def _check_span(builder: Builder, source: Source, name: str) -> None:
+def _check_span(builder: TreeInMaking, source: EdgeSource, name: str) -> None:
     """Raise CoverageError if tables that a known frame hangs on do not cover the span asked for."""
     held = {frame: (parent, edge) for frame, parent, edge, _ in builder.frames()}
     at: str | None = name
@@ -138,7 +136,7 @@ def _check_span(builder: Builder, source: Source, name: str) -> None:
         at = parent
 
 
-def _place_inertial(builder: Builder, source: Source, body: tuple[int, str], known: dict[Key, str]) -> str:
+def _place_inertial(builder: TreeInMaking, source: EdgeSource, body: tuple[int, str], known: dict[Key, str]) -> str:
     """Add the J2000 frame of a body."""
     turned = next((name for (at, axes), name in known.items() if at == body[0] and 1 < axes <= len(INERTIAL)), None)
     if turned is not None:
@@ -163,7 +161,7 @@ def _place_inertial(builder: Builder, source: Source, body: tuple[int, str], kno
     return parent
 
 
-def _add(builder: Builder, wanted: str, parent: str, edge: Edge, body: tuple[int, str], frame: tuple[int, str]) -> str:
+def _add(builder: TreeInMaking, wanted: str, parent: str, edge: Edge, body: tuple[int, str], frame: tuple[int, str]) -> str:
     name = wanted if wanted not in builder.names else f"{wanted} ({body[0]}, {frame[0]})"
     if name in builder.names:
         raise DuplicateNameError(f"frames {wanted!r} and {name!r} exist already and are not {frame[1]} of {body[1]}; rename one of them")
@@ -172,7 +170,7 @@ def _add(builder: Builder, wanted: str, parent: str, edge: Edge, body: tuple[int
     return name
 
 
-def identities(builder: Builder, source: Source) -> dict[str, Key]:
+def spice_ids(builder: TreeInMaking, source: EdgeSource) -> dict[str, Key]:
     """Return the (body id, frame id) of the frames of a builder that have one.
 
     They say so themselves (properties ``spice_body`` and ``spice_frame``), or tables tell: a table of the Moon from the Earth in J2000
