@@ -10,8 +10,6 @@ EXTRACTION = "exact extraction of Chebyshev records"
 UNITS = {"translation": ("m", "m/s", "m/s2"), "orientation": ("rad", "rad/s", "rad/s2")}
 """Units of value, rate and acceleration."""
 
-UNITS = {"translation": ("m", "m/s", "m/s2"), "orientation": ("rad", "rad/s", "rad/s2")}
-
 
 @dataclass(frozen=True)
 class Source:
