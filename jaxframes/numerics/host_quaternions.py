@@ -20,7 +20,7 @@ def rotate(a: np.ndarray, v: np.ndarray) -> np.ndarray:
     return v + a[..., :1] * t + np.cross(a[..., 1:], t)
 
 
-def turned(vector: np.ndarray) -> np.ndarray:
+def from_rotation_vector(vector: np.ndarray) -> np.ndarray:
     """Return the quaternions of rotation vectors [..., 3], radians."""
     angle = np.linalg.norm(vector, axis=-1, keepdims=True)
     return np.concatenate([np.cos(angle / 2), vector * (np.sinc(angle / (2 * np.pi)) / 2)], -1)

@@ -11,8 +11,8 @@ from typing import Any
 
 import jax
 
-from jaxframes.numerics.trig import Half, given_pairs, sin_cos, sin_cos_of
-from jaxframes.staging.blocks import Batch, Work, worked
+from jaxframes.numerics.trig import Half, precomputed_pairs, sin_cos, sin_cos_of
+from jaxframes.staging.blocks import Batch, Work, run_work
 from jaxframes.staging.operation import Arrays, Operation, changes_of, run
 from jaxframes.staging.stages import stage
 
@@ -60,7 +60,7 @@ class Program:
         raise NotImplementedError
 
 
-def computed(program: Program, *arrays: jax.Array) -> tuple[jax.Array, ...]:
+def run_program(program: Program, *arrays: jax.Array) -> tuple[jax.Array, ...]:
     """Return the results of a program, all in one stage."""
     return tuple(run(_Computed(program), *arrays) if arrays else _Computed(program).compute())
 
@@ -85,7 +85,7 @@ class _Computed(Operation):
             if along is not None:
                 results = self.program.results
                 batch = Batch(results[0].shape[0], (*along, *(along[i] for i in moved)), (True,) * len(results))
-            return run(self, *primals), worked(_ByNumbers(self.program, moved, along), batch, *primals, *given)
+            return run(self, *primals), run_work(_ByNumbers(self.program, moved, along), batch, *primals, *given)
         pairs = sin_cos_of(_Angles(self.program), *primals) if self.program.has_angles else ()
         return _WithPairs(self.program, len(primals)).derivative((*primals, *pairs), (*tangents, *(None for _ in pairs)))
 
@@ -123,7 +123,7 @@ class _WithPairs(Operation):
         if len(arrays) == self.count:
             return sin_cos
         sines, cosines = arrays[self.count :]
-        return given_pairs(sines, cosines)
+        return precomputed_pairs(sines, cosines)
 
     def compute(self, *arrays: jax.Array) -> Arrays:
         return stage(lambda *xs: self.program.values(self._pair(xs), *xs[: self.count]))(*arrays)

@@ -87,7 +87,7 @@ _CUT: dict[str, tuple[Any, Any]] = {
 
 
 @jax.custom_jvp
-def turned(rate_hi: jax.Array, rate_lo: jax.Array, time_hi: jax.Array, time_lo: jax.Array) -> jax.Array:
+def turns_in(rate_hi: jax.Array, rate_lo: jax.Array, time_hi: jax.Array, time_lo: jax.Array) -> jax.Array:
     """Return rate times time modulo 2, about zero, in turns; all arguments of one dtype, broadcast.
 
     The error is that of a number near one, as long as there are fewer whole turns than the dtype counts exactly. The derivative is
@@ -99,11 +99,11 @@ def turned(rate_hi: jax.Array, rate_lo: jax.Array, time_hi: jax.Array, time_lo: 
     return _fraction(coarse + ((a_low * b_low) + (rate_lo * time_hi + rate_hi * time_lo)))
 
 
-@turned.defjvp
+@turns_in.defjvp
 def _turned_jvp(primals: tuple[jax.Array, ...], tangents: tuple[jax.Array, ...]) -> tuple[jax.Array, jax.Array]:
     rate_hi, rate_lo, time_hi, time_lo = primals
     d_rate, d_time = tangents[0] + tangents[1], tangents[2] + tangents[3]
-    return turned(*primals), (rate_hi + rate_lo) * d_time + (time_hi + time_lo) * d_rate
+    return turns_in(*primals), (rate_hi + rate_lo) * d_time + (time_hi + time_lo) * d_rate
 
 
 def _masked_halves(x: jax.Array) -> tuple[jax.Array, jax.Array]:

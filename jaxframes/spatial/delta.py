@@ -20,7 +20,7 @@ Vector: TypeAlias = jax.Array | np.ndarray | Sequence[float]
 
 
 @lift(Quat, V3, None, out=Quat)
-def _turned(q: Quat, w: V3, dt: Entry) -> Quat:
+def _rotated_by_rate(q: Quat, w: V3, dt: Entry) -> Quat:
     return quat_mul(so3.exp(w * dt), q)
 
 
@@ -62,9 +62,9 @@ def add_delta(x: Any, dx: Any, dt: Any = 1.0) -> Any:
     ``Twist``, ``Wrench``, the spatial velocities and accelerations and plain vectors [..., 3] take their own kind: x + dx dt.
     """
     if isinstance(x, Rotation):
-        return Rotation(_turned(x.wxyz, dx, dt))
+        return Rotation(_rotated_by_rate(x.wxyz, dx, dt))
     if isinstance(x, Transform):
-        return Transform(Rotation(_turned(x.rotation.wxyz, dx.angular, dt)), _moved(x.translation, dx.linear, dt))
+        return Transform(Rotation(_rotated_by_rate(x.rotation.wxyz, dx.angular, dt)), _moved(x.translation, dx.linear, dt))
     if isinstance(x, LinearValue):
         return x + dx * dt
     if isinstance(x, Value):

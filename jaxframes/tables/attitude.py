@@ -89,7 +89,7 @@ def _knots(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, o
     """Return the motion between knots; ``AttitudeTable`` says how."""
 
     def work(run: Run, hi: jax.Array, lo: jax.Array) -> jax.Array:
-        run = run.opened(hi.ndim)
+        run = run.as_read(hi.ndim)
         (records,) = run.record_tables
         dt_hi, dt_lo = evaluate._local(run, hi, lo)
         row = jnp.moveaxis(rows_at(records.rows, records.serving(dt_hi, dt_lo)), -1, 0)
@@ -110,7 +110,7 @@ def _series(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, 
     """Return the motion by Cayley series; ``CayleyTable`` says how."""
 
     def work(run: Run, spins: jax.Array, hi: jax.Array, lo: jax.Array, values: Sequence[jax.Array]) -> jax.Array:
-        run = run.opened(hi.ndim)
+        run = run.as_read(hi.ndim)
         (records,) = run.record_tables
         dt_hi, dt_lo = evaluate._local(run, hi, lo)
         index = records.serving(dt_hi, dt_lo)

@@ -55,7 +55,7 @@ class Run:
         counts = self.record_tables[0].counts
         return None if counts is None else len(counts)
 
-    def opened(self, rank: int, which: jax.Array | None = None) -> "Run":
+    def as_read(self, rank: int, which: jax.Array | None = None) -> "Run":
         """Return the run as samples read it; that of one table is itself.
 
         Args:
@@ -65,7 +65,7 @@ class Run:
         if self.count is None:
             return self
         facts = (of_tables(values, rank, which) for values in (self.reference, self.span))
-        return Run(tuple(records.opened(rank, which) for records in self.record_tables), *facts)
+        return Run(tuple(records.as_read(rank, which) for records in self.record_tables), *facts)
 
 
 def evaluate(run: Run, hi: Any, lo: Any, order: int, vectors: bool = False) -> Values:
@@ -166,7 +166,7 @@ def _by_coefficients(
     """Return the change of the values with the coefficients: the same sums with the coefficients' tangents in their place."""
 
     def work(run: Run, tangents: Sequence[jax.Array | None], hi: jax.Array, lo: jax.Array) -> Sequence[jax.Array]:
-        values = _components(order, run.opened(hi.ndim), hi, lo, tangents)
+        values = _components(order, run.as_read(hi.ndim), hi, lo, tangents)
         return _vectors(values) if vectors else values
 
     return stage(work)(run, tangents, hi, lo)
@@ -176,7 +176,7 @@ def _plain(order: int, vectors: bool, run: Run, hi: jax.Array, lo: jax.Array) ->
     """Return the values of a batch of any shape at once."""
 
     def work(run: Run, hi: jax.Array, lo: jax.Array) -> Values:
-        values = _components(order, run.opened(hi.ndim), hi, lo)
+        values = _components(order, run.as_read(hi.ndim), hi, lo)
         return _vectors(values) if vectors else values
 
     return stage(work)(run, hi, lo)
@@ -197,7 +197,7 @@ def _in_blocks(order: int, vectors: bool, run: Run, hi: jax.Array, lo: jax.Array
     def block(i: jax.Array, out: Values) -> Values:
         at = jnp.minimum(i * BLOCK, count - BLOCK)
         which = None if run.count is None else (at + lax.iota(at.dtype, BLOCK)) % run.count
-        values = _components(order, run.opened(1, which), lax.dynamic_slice(hi, (at,), (BLOCK,)), lax.dynamic_slice(lo, (at,), (BLOCK,)))
+        values = _components(order, run.as_read(1, which), lax.dynamic_slice(hi, (at,), (BLOCK,)), lax.dynamic_slice(lo, (at,), (BLOCK,)))
         if not vectors:
             return tuple(lax.dynamic_update_slice_in_dim(o, v, at, 0) for o, v in zip(out, values, strict=True))
         # Column by column: putting vectors together first computes each component three times (measured: 1.3 times the whole).

@@ -66,7 +66,7 @@ def euler(angles: Sequence[np.ndarray], placement: np.ndarray) -> Motion:
         spin = along * rate[:, None]
         alpha = alpha + along * rate2[:, None] + np.cross(w, spin)
         w = w + spin
-        q = host_quaternions.multiply(q, host_quaternions.turned(AXES[axis] * angle[:, None]))
+        q = host_quaternions.multiply(q, host_quaternions.from_rotation_vector(AXES[axis] * angle[:, None]))
     return q, w, alpha
 
 
@@ -76,7 +76,7 @@ def knots(records: HostRecordTable, past: host_two_part.Pair, mode: str) -> Moti
     length = row[:, -1:]
     u = ((past[0] - row[:, -3]) + (past[1] - row[:, -2]))[:, None] / length
     turn = row[:, 4:7] * (2 * row[:, 7:8])
-    slerp = host_quaternions.multiply(host_quaternions.turned(turn * u), row[:, :4])
+    slerp = host_quaternions.multiply(host_quaternions.from_rotation_vector(turn * u), row[:, :4])
     first, second = row[:, 8:11], row[:, 11:14]
     if mode == "spice":
         return slerp, first + (second - first) * u, (second - first) / length

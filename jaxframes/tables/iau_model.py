@@ -11,10 +11,10 @@ from jaxframes.edges.base import Edge, Inputs, family
 from jaxframes.errors import MissingInputError
 from jaxframes.numerics.components import V3, Component, Quat, add, add_all, mul, neg
 from jaxframes.numerics.packed import Kind
-from jaxframes.numerics.path_motion import extend, made
+from jaxframes.numerics.path_motion import extend, steps_at_hand
 from jaxframes.numerics.steps import Step
 from jaxframes.numerics.trig import sin_cos
-from jaxframes.numerics.two_part import recast_pair, turned, two_sum
+from jaxframes.numerics.two_part import recast_pair, turns_in, two_sum
 from jaxframes.staging.arrays import default_float, is_concrete
 from jaxframes.staging.columns import assemble, parameters, take_apart
 from jaxframes.staging.stages import stage
@@ -164,7 +164,7 @@ def _polynomial(terms: list[tuple[Component, Component]], time: tuple[jax.Array,
     """Return an angle in rad and its derivatives; ``terms`` are the pairs of constant, rate and higher coefficients."""
     hi, lo = time
     rate, rate_low = (jnp.broadcast_to(jnp.asarray(x, hi.dtype), hi.shape) for x in terms[1])
-    out: list[Component] = [add_all(turned(rate, rate_low, hi, lo), *terms[0]), add(*terms[1]), 0.0]
+    out: list[Component] = [add_all(turns_in(rate, rate_low, hi, lo), *terms[0]), add(*terms[1]), 0.0]
     centuries = (hi + lo) * (1 / CENTURY)
     for power, (coefficient, _) in enumerate(terms[2:], 2):
         scale = coefficient
@@ -190,5 +190,5 @@ def _chain(value: Component, slope: Component, angle: tuple[Component, ...]) -> 
 def _evaluate(order: int, edge: IauOrientation, hi: Any, lo: Any) -> tuple[jax.Array, ...]:
     dtype = edge.phases.dtype
     hi, lo = recast(hi, lo, dtype)
-    steps = made(edge.steps(Inputs(time=(hi, lo)), order))
+    steps = steps_at_hand(edge.steps(Inputs(time=(hi, lo)), order))
     return attitude_of(extend((), steps, Kind(hi.shape, dtype, order)))

@@ -8,7 +8,7 @@ import jax
 from jaxframes.edges.base import Inputs, family
 from jaxframes.numerics.components import V3, Quat
 from jaxframes.numerics.packed import Kind, Packed
-from jaxframes.numerics.path_motion import extend, made
+from jaxframes.numerics.path_motion import extend, steps_at_hand
 from jaxframes.numerics.steps import Coordinate, Step, Turn
 from jaxframes.staging.columns import parameters
 from jaxframes.tables import evaluate
@@ -65,7 +65,7 @@ def euler_steps(placement: Quat, angles: tuple[V3, ...]) -> tuple[Step, ...]:
 def _orientation(order: int, run: Run, placement: jax.Array, hi: Any, lo: Any) -> tuple[jax.Array, ...]:
     values = evaluate.evaluate(run, hi, lo, order)
     steps = euler_steps(Quat(*parameters(placement)), triples(values))
-    return attitude_of(extend((), made(steps), Kind(values[0].shape, values[0].dtype, order)))
+    return attitude_of(extend((), steps_at_hand(steps), Kind(values[0].shape, values[0].dtype, order)))
 
 
 def attitude_of(motion: Packed) -> tuple[jax.Array, ...]:

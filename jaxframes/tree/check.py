@@ -97,13 +97,13 @@ def _attachments(tree: Any, state: State) -> Iterator[str]:
         return
     topology, parents = tree.topology, np.asarray(state.attachments.parents)
     for row, frame in enumerate(topology.attachables):
-        name, seats = tree.names[frame], parents[..., row]
-        strange = ~np.isin(seats, topology.candidates[row])
+        name, hung_on = tree.names[frame], parents[..., row]
+        strange = ~np.isin(hung_on, topology.candidates[row])
         if strange.any():
-            seat = seats[strange].reshape(-1)[0]
-            yield f"frame {name!r}: it hangs on frame number {seat}, which is not among its candidates{_where(strange)}"
-        elif (loop := hangs_on(topology, parents, seats, frame)).any():
-            yield f"frame {name!r}: it hangs on itself, a cycle through {tree.names[int(seats[loop].reshape(-1)[0])]!r}{_where(loop)}"
+            target = hung_on[strange].reshape(-1)[0]
+            yield f"frame {name!r}: it hangs on frame number {target}, which is not among its candidates{_where(strange)}"
+        elif (loop := hangs_on(topology, parents, hung_on, frame)).any():
+            yield f"frame {name!r}: it hangs on itself, a cycle through {tree.names[int(hung_on[loop].reshape(-1)[0])]!r}{_where(loop)}"
 
 
 def _times(tree: Any, state: State) -> Iterator[str]:

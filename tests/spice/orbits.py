@@ -71,7 +71,7 @@ def _turn(q, w, a, axis, angle, rate, rate2):
     axis = host_quaternions.rotate(q, np.broadcast_to(axis, w.shape))
     spin = axis * rate[:, None]
     a = a + axis * rate2[:, None] + np.cross(w, spin)
-    q = host_quaternions.multiply(host_quaternions.turned(axis * angle[:, None]), q)
+    q = host_quaternions.multiply(host_quaternions.from_rotation_vector(axis * angle[:, None]), q)
     return q, w + spin, a
 
 

@@ -136,7 +136,7 @@ def test_constant_spins_type_2(cspice, tmp_path, rng):
     w = rng.normal(size=(4, 3)) * 0.3
     q = [np.array([1.0, 0, 0, 0])]
     for i in range(3):
-        q.append(host_quaternions.multiply(host_quaternions.turned(w[i] * 600.0), q[-1]))
+        q.append(host_quaternions.multiply(host_quaternions.from_rotation_vector(w[i] * 600.0), q[-1]))
     later = (np.array([2000.0, 2300.0]), np.array(q[:2]), w[:2], None)
     path = orbits.pointing(tmp_path / "2.bc", 2, edges, np.array(q), w, append=[later])
     edge, exact = made(tmp_path, path), made(tmp_path, path, ck="spice")
@@ -155,7 +155,7 @@ def test_constant_spins_type_2(cspice, tmp_path, rng):
 @pytest.mark.float64
 def test_day_long_spins_of_a_clock_that_counts_terrestrial_time(tmp_path, paths, rng):
     spin, seconds = np.array([0.1, -0.2, 0.35]), np.array([0.0, 80000.0, 86400.0])
-    q = host_quaternions.turned(spin * seconds[:, None])
+    q = host_quaternions.from_rotation_vector(spin * seconds[:, None])
     path = orbits.pointing(tmp_path / "2.bc", 2, seconds, q, np.tile(spin, (3, 1)))
     files = [p for p in paths if p.endswith(".tls")] + orbits.clock(tmp_path, ORIGIN, system=2)
     with jf.spice.Kernels([*files, path]) as kernels:
@@ -163,7 +163,7 @@ def test_day_long_spins_of_a_clock_that_counts_terrestrial_time(tmp_path, paths,
     past = rng.integers(0, 86400 * 64, 1000) / 64
     mean = 6.239996 + 1.99096871e-7 * (ORIGIN + past)
     epochs = jf.Epoch(ORIGIN + past, 1.657e-3 * np.sin(mean + 1.671e-2 * np.sin(mean)))
-    truth = host_quaternions.turned(spin * past[:, None])
+    truth = host_quaternions.from_rotation_vector(spin * past[:, None])
     # TDB against TT bends by 6e-8 s over a day, 2e-8 rad of this spin.
     assert angle(edge.evaluate(epochs, 0)[0], truth) < 3e-11
     assert angle(smooth.evaluate(epochs, 0)[0], truth) < 3e-11
@@ -194,7 +194,7 @@ def test_instants_type_1_are_joined_only_as_far_as_asked(cspice, tmp_path):
 def test_later_segments_win_and_gaps_fall_through(cspice, tmp_path, rng):
     def other(t):
         q, w, a = orbits.slew(t, 1e-3)
-        turn = host_quaternions.turned(np.array([0.3, 0.2, 0.1]))
+        turn = host_quaternions.from_rotation_vector(np.array([0.3, 0.2, 0.1]))
         return host_quaternions.multiply(np.broadcast_to(turn, q.shape), q), host_quaternions.rotate(np.broadcast_to(turn, q.shape), w), a
 
     low, high = np.arange(0, 401, 20.0), np.concatenate([np.arange(95, 186, 10.0), np.arange(245, 306, 15.0)])

@@ -203,7 +203,7 @@ def _measured(intervals: Intervals, t0: host_two_part.Pair, t1: host_two_part.Pa
     length = (t1[0] - t0[0]) + (t1[1] - t0[1])
     mean = intervals.rotation_vector / length[:, None]
     apart = max(float(np.linalg.norm(w - mean, axis=1).max()) for w in (intervals.w0, intervals.w1))
-    end = host_quaternions.multiply(host_quaternions.turned(intervals.rotation_vector), intervals.q)
+    end = host_quaternions.multiply(host_quaternions.from_rotation_vector(intervals.rotation_vector), intervals.q)
     touch = np.abs(t0[0][1:] - t1[0][:-1]) <= 2 * float(GRACE)
     gap = host_quaternions.vector_of(host_quaternions.multiply(intervals.q[1:], host_quaternions.conjugate(end[:-1])))[touch]
     step = (intervals.w0[1:] - intervals.w1[:-1])[touch]

@@ -55,7 +55,7 @@ class Intervals:
         width = self.stop - self.start
         a, b = np.maximum(low, self.start), np.minimum(high, self.stop)
         u0, u1 = ((a - self.start) / width)[:, None], ((b - self.start) / width)[:, None]
-        q = host_quaternions.multiply(host_quaternions.turned(self.rotation_vector * u0), self.q)
+        q = host_quaternions.multiply(host_quaternions.from_rotation_vector(self.rotation_vector * u0), self.q)
         slope = self.w1 - self.w0
         w0, w1 = self.w0 + slope * u0, self.w0 + slope * u1
         return type(self)(a, b, q, self.rotation_vector * (u1 - u0), w0, w1, self.even, self.rank)
