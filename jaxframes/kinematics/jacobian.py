@@ -11,7 +11,7 @@ from jaxframes.kinematics.edge_steps import AnySteps, Partitioned, Reading
 from jaxframes.numerics.components import V3, ZERO, Component, cross, quat_conj, quat_mul, rotate
 from jaxframes.numerics.packed import WIDEST, Packed, unpacked
 from jaxframes.numerics.path_motion import half_angles, has_angles, with_halves
-from jaxframes.numerics.programs import Program, run_program
+from jaxframes.numerics.programs import StagedProgram, run_program
 from jaxframes.numerics.rigid import AT_REST, Rigid
 from jaxframes.numerics.steps import Step, append_all
 from jaxframes.numerics.trig import Half
@@ -73,7 +73,7 @@ class _Parts:
 
 
 @dataclass(frozen=True)
-class _Jacobian(Program):
+class _Jacobian(StagedProgram):
     """Six rows, each cut into spans of columns that are written by one loop.
 
     Attributes:
@@ -82,7 +82,7 @@ class _Jacobian(Program):
         shape: Batch shape.
         dtype: Dtype.
         count: How many rates there are.
-        has_angles: As in ``Program``.
+        has_angles: As in ``StagedProgram``.
     """
 
     parts: _Parts

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 
 from jaxframes.numerics.components import mul
 from jaxframes.numerics.packed import Kind, Packed, change_of, unpacked, unpacked_change
-from jaxframes.numerics.programs import Program, run_program
+from jaxframes.numerics.programs import StagedProgram, run_program
 from jaxframes.numerics.rigid import Rigid, compose
 from jaxframes.numerics.step_derivatives import NO_CHANGE, extended, first_change, of_rotation, varied
 from jaxframes.numerics.steps import Step, Turn, append_all
@@ -84,7 +84,7 @@ by itself: a mount takes ten numbers where a joint takes one, and compilers take
 
 
 @dataclass(frozen=True)
-class _Extension(Program):
+class _Extension(StagedProgram):
     """The motion extended, of its arrays and then those that the steps are made of."""
 
     recipe: StepsRecipe

@@ -17,7 +17,7 @@ from jaxframes.staging.operation import Arrays, Operation, changes_of, run
 from jaxframes.staging.stages import stage
 
 
-class Program:
+class StagedProgram:
     """Arrays as a function of arrays, by way of components: a frozen dataclass without arrays, equal by value.
 
     Attributes:
@@ -55,12 +55,12 @@ class Program:
         """Return which arrays have the batch as their leading axis; None where there is no batch of one axis."""
         return None
 
-    def sized(self, count: int) -> "Program":
+    def sized(self, count: int) -> "StagedProgram":
         """Return the program for a batch of another size."""
         raise NotImplementedError
 
 
-def run_program(program: Program, *arrays: jax.Array) -> tuple[jax.Array, ...]:
+def run_program(program: StagedProgram, *arrays: jax.Array) -> tuple[jax.Array, ...]:
     """Return the results of a program, all in one stage."""
     return tuple(run(_Computed(program), *arrays) if arrays else _Computed(program).compute())
 
@@ -69,7 +69,7 @@ def run_program(program: Program, *arrays: jax.Array) -> tuple[jax.Array, ...]:
 class _Computed(Operation):
     """The operation."""
 
-    program: Program
+    program: StagedProgram
 
     def compute(self, *arrays: jax.Array) -> Arrays:
         return stage(lambda *xs: self.program.values(sin_cos, *xs))(*arrays)
@@ -100,7 +100,7 @@ class _ByNumbers(Work):
         along: Which inputs have the batch as their leading axis; None without such a batch.
     """
 
-    program: Program
+    program: StagedProgram
     moved: tuple[int, ...]
     along: tuple[bool, ...] | None
 
@@ -116,7 +116,7 @@ class _ByNumbers(Work):
 class _WithPairs(Operation):
     """The same operation, of the arrays and then the sines and cosines of its angles. How these change, it knows from the arrays."""
 
-    program: Program
+    program: StagedProgram
     count: int
 
     def _pair(self, arrays: Arrays) -> Half:
@@ -147,7 +147,7 @@ class _WithPairs(Operation):
 class _Angles:
     """The angles of a program as a function that is equal by value, which a method is not."""
 
-    program: Program
+    program: StagedProgram
 
     def __call__(self, *arrays: jax.Array) -> Sequence[jax.Array]:
         return self.program.angles(*arrays)

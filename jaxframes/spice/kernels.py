@@ -108,7 +108,8 @@ class Kernels(Inventory, OffersEdges):
             target: Body by name or id, e.g. ``"MOON"``, ``301``; ``"SSB"`` is the Solar System barycentre.
             center: Body that the parent frame is centred on; for corrected states the observer.
             frame: Inertial frame whose axes parent and child have.
-            start: Start of the coverage: TDB calendar text, ET seconds, or ``Epoch``. Default: from where the kernels have data.
+            start: Start of the coverage: text as ``Epoch.from_text`` reads it, ET seconds, or ``Epoch``. Default: from where the
+                kernels have data.
             stop: End of the coverage. Default: as far as the kernels have data.
             tolerance: Fit to within these errors, with as few bytes as possible.
             size: Fit in at most so many bytes (float64), as well as possible; with ``tolerance`` the table must meet both.

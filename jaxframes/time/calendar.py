@@ -53,6 +53,28 @@ def read(text: str, scale: str) -> Calendar:
     return Calendar((date - J2000).days, hour, minute, second, Fraction(match.group(7) or 0))
 
 
+def scale_of(text: str) -> str:
+    """Return the time scale that a date names behind it; TDB for a date without a time of day that names none.
+
+    Raises:
+        FrameError: The text is no date, or has a time of day and no scale: UTC and TDB are 69 s apart.
+    """
+    match = _CALENDAR.fullmatch(text.strip())
+    if match is None:
+        raise FrameError(f"{text!r} is no date; write it as 2026-03-01, 2026-03-01T12:00:00.125 TDB or 2026-03-01T12:00:00.125 UTC")
+    zone = (match.group(8) or "").upper()
+    if not zone and match.group(4):
+        date = text.strip()
+        raise FrameError(f"{text!r} names no time scale, and UTC and TDB are 69 s apart: write '{date} TDB' or '{date} UTC'")
+    if not zone:
+        return "TDB"
+    for scale, names in ZONES.items():
+        if zone in names:
+            return scale
+    known = ", ".join(name for names in ZONES.values() for name in names)
+    raise FrameError(f"{text!r} names no time scale that is known; after a date may stand {known}")
+
+
 def uniform_seconds(text: str, scale: str) -> Fraction:
     """Return the exact seconds past J2000 noon of a date in a scale whose days all have 86400 seconds (FrameError)."""
     parts = read(text, scale)

@@ -93,6 +93,21 @@ class Epoch(Ordered):
         return epoch_ranges.arange(cls.from_et(start), cls.from_et(stop), step)
 
     @classmethod
+    def from_text(cls, text: str | Sequence[Any], *, leap_seconds: LeapSeconds | None = None) -> "Epoch":
+        """Return the epoch of a date that names its scale: ``2026-03-01T12:00:00 UTC``, ``... TDB``, ``... TT`` or ``... TAI``.
+
+        A date without a time of day is TDB where it names none. All that takes an instant as text reads it so: kernels, tables, commands.
+
+        Args:
+            text: The date; nested sequences of them give a batch [...].
+            leap_seconds: As in ``from_utc``.
+
+        Raises:
+            FrameError: The text is no date, or has a time of day and no scale: UTC and TDB are 69 s apart.
+        """
+        return cls._read(text, "an instant", (leap_seconds or SHIPPED_LEAP_SECONDS).tdb_of_text)
+
+    @classmethod
     def from_tdb(cls, text: str | Sequence[Any]) -> "Epoch":
         """Return the epoch of a calendar date in TDB, such as ``2026-03-01`` or ``2026-03-01T12:00:00.125`` (exact).
 

@@ -97,6 +97,20 @@ class LeapSeconds:
         offset = next(offset for start, offset in reversed(self.starts) if date.day >= start)
         return self.tdb_of_tt(date.day * DAY + date.of_day - NOON + offset + self.tt_minus_tai)
 
+    def tdb_of_text(self, text: str) -> Fraction:
+        """Return the exact seconds past J2000 TDB of a date that names its scale: ``2026-03-01T12:00:00 UTC``, ``TDB``, ``TT``, ``TAI``.
+
+        A date without a time of day is TDB where it names none.
+
+        Raises:
+            FrameError: The text is no date, or has a time of day and no scale.
+        """
+        scale = calendar.scale_of(text)
+        if scale == "UTC":
+            return self.tdb_of_utc(text)
+        found = calendar.uniform_seconds(text, scale)
+        return found if scale == "TDB" else self.tdb_of_tt(found + (self.tt_minus_tai if scale == "TAI" else 0))
+
     def tdb_of_datetime(self, date: Any) -> Fraction:
         """Return the exact seconds past J2000 TDB of a ``datetime``, taken to be UTC where it is naive, or a ``datetime64``, which is UTC.
 

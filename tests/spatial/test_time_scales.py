@@ -219,3 +219,29 @@ def test_refusals():
         (jf.Epoch.from_et(0) + np.arange(2.0)).to_utc()
     with pytest.raises(jf.FrameError, match="outside jit"):
         jax.jit(lambda e: e.to_utc())(jf.Epoch.from_et(0))
+
+
+@pytest.mark.float64
+def test_text_that_names_its_scale(cspice):
+    """As CSPICE reads it; a date alone is a day of TDB, and a time of day without a scale is refused: UTC and TDB are 69 s apart."""
+    for scale in ("UTC", "TDB", "TT", "TAI"):
+        epoch = jf.Epoch.from_text(f"2026-03-01T00:00:00.5 {scale}")
+        assert exact(epoch) == exact(getattr(jf.Epoch, f"from_{scale.lower()}")("2026-03-01T00:00:00.5"))
+        known = f"2026-03-01 00:00:00.5 {scale.replace('TT', 'TDT')}"
+        et = cspice.unitim(825595200.5, "TAI", "ET") if scale == "TAI" else cspice.str2et(known)
+        assert abs(float(epoch.et) - et) < 1e-6
+    assert exact(jf.Epoch.from_text("2026-03-01")) == exact(jf.Epoch.from_tdb("2026-03-01"))
+    batch = jf.Epoch.from_text([["2026-03-01T00:00:00Z", "2026-03-01 TT"], ["2026-03-01T00:00:00+00:00", "2026-03-02"]])
+    assert batch.shape == (2, 2)
+    assert exact(batch[0, 0]) == exact(batch[1, 0]) == exact(jf.Epoch.from_utc("2026-03-01"))
+    for bad, remedy in (
+        ("2026-03-01T00:00:00", "write '2026-03-01T00:00:00 TDB' or '2026-03-01T00:00:00 UTC'"),
+        ("2026-03-01T00:00:00 GPS", "after a date may stand TDB, TT, TDT, TAI, UTC"),
+        ("tomorrow", "is no date; write it as"),
+    ):
+        with pytest.raises(errors.FrameError, match=remedy):
+            jf.Epoch.from_text(bad)
+    with pytest.raises(errors.SpiceError, match="start: '2026-03-01T00:00:00' names no time scale"):
+        jf.spice.crop(jf.spice.example_tables()["moon"], start="2026-03-01T00:00:00", stop="2026-03-02")
+    cut = jf.spice.crop(jf.spice.example_tables()["moon"], start="2026-03-01T00:00:00 UTC", stop="2026-03-02")
+    assert Fraction(cut.info.start) == exact(jf.Epoch.from_utc("2026-03-01"))
