@@ -244,4 +244,4 @@ def test_text_that_names_its_scale(cspice):
     with pytest.raises(errors.SpiceError, match="start: '2026-03-01T00:00:00' names no time scale"):
         jf.spice.crop(jf.spice.example_tables()["moon"], start="2026-03-01T00:00:00", stop="2026-03-02")
     cut = jf.spice.crop(jf.spice.example_tables()["moon"], start="2026-03-01T00:00:00 UTC", stop="2026-03-02")
-    assert Fraction(cut.info.start) == exact(jf.Epoch.from_utc("2026-03-01"))
+    assert abs(Fraction(cut.info.start) - exact(jf.Epoch.from_utc("2026-03-01"))) < 1e-20
