@@ -26,6 +26,7 @@ from jaxframes.spice.options import (
     checked_size,
     checked_timeout,
     checked_tolerance,
+    one_of,
 )
 from jaxframes.spice.reading.kernel_files import kernel_files
 from jaxframes.spice.reading.pool import KernelPool
@@ -87,8 +88,10 @@ class Kernels(Inventory, OffersEdges):
     def translation(
         self,
         *,
-        target: str | int,
-        center: str | int,
+        target: str | int | None = None,
+        center: str | int | None = None,
+        of: str | int | None = None,
+        relative_to: str | int | None = None,
         frame: str = "J2000",
         start: Instant | None = None,
         stop: Instant | None = None,
@@ -107,6 +110,8 @@ class Kernels(Inventory, OffersEdges):
         Args:
             target: Body by name or id, e.g. ``"MOON"``, ``301``; ``"SSB"`` is the Solar System barycentre.
             center: Body that the parent frame is centred on; for corrected states the observer.
+            of: Another name of ``target``, that of the queries of a tree.
+            relative_to: Another name of ``center``, likewise.
             frame: Inertial frame whose axes parent and child have.
             start: Start of the coverage: text as ``Epoch.from_text`` reads it, ET seconds, or ``Epoch``. Default: from where the
                 kernels have data.
@@ -128,15 +133,15 @@ class Kernels(Inventory, OffersEdges):
             ToleranceError: If no table meets the tolerance: names the errors that were reached.
         """
         pool = self._pool
-        of, relative = pool.body(target, "target"), pool.body(center, "center")
-        names = pool.body_name(of), pool.body_name(relative)
-        if of == relative:
-            raise NoPathError(f"target and center are the same body, {labelled(names[0], of)}: use jf.edges.Fixed().")
+        body, base = pool.body(*one_of(target=target, of=of)), pool.body(*one_of(center=center, relative_to=relative_to))
+        names = pool.body_name(body), pool.body_name(base)
+        if body == base:
+            raise NoPathError(f"target and center are the same body, {labelled(names[0], body)}: use jf.edges.Fixed().")
         correction, axes = checked_correction(correction), pool.inertial_frame(frame, "frame").name
-        bounds = pool.span(start, stop, "SPK", (of, relative))
+        bounds = pool.span(start, stop, "SPK", (body, base))
         tolerance, size = checked_tolerance(tolerance), checked_size(size)
         layout = checked_layout(layout, tolerance is not None or size is not None or correction != "NONE")
-        looked_up = (names[0], of, names[1], relative, axes)
+        looked_up = (names[0], body, names[1], base, axes)
         request = TranslationRequest(looked_up, bounds, tolerance, size, layout, correction, compose)
         return (fitted_translation if request.fitted else extracted_translation).translation(pool, request)
 
@@ -190,7 +195,15 @@ class Kernels(Inventory, OffersEdges):
         return edge.replace(info=replace(edge.info, center=of.center))
 
     def states(
-        self, *, target: str | int, center: str | int, times: Any, frame: str = "J2000", correction: str = "NONE"
+        self,
+        *,
+        target: str | int | None = None,
+        center: str | int | None = None,
+        of: str | int | None = None,
+        relative_to: str | int | None = None,
+        times: Any,
+        frame: str = "J2000",
+        correction: str = "NONE",
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return what CSPICE itself says (``spkez``): positions [n, 3] in m and velocities [n, 3] in m/s.
 
@@ -199,6 +212,8 @@ class Kernels(Inventory, OffersEdges):
         Args:
             target: Body by name or id.
             center: Body that the states are relative to.
+            of: Another name of ``target``.
+            relative_to: Another name of ``center``.
             times: Seconds past J2000 TDB, [n].
             frame: Frame of the axes.
             correction: SPICE's aberration correction.
@@ -206,9 +221,9 @@ class Kernels(Inventory, OffersEdges):
         Raises:
             SpiceError: If CSPICE has no answer for one of the epochs.
         """
-        pool = self._pool
-        of, relative, axes = pool.body(target, "target"), pool.body(center, "center"), pool.frame(frame).name
-        return pool.states(of, relative, axes, np.asarray(times, float), correction, doing="computing states")
+        pool, axes = self._pool, self._pool.frame(frame).name
+        body, base = pool.body(*one_of(target=target, of=of)), pool.body(*one_of(center=center, relative_to=relative_to))
+        return pool.states(body, base, axes, np.asarray(times, float), correction, doing="computing states")
 
     def rotations(self, *, frame: str, times: Any, relative_to: str = "J2000") -> tuple[np.ndarray, np.ndarray]:
         """Return what CSPICE itself says (``sxform``): rotation matrices o_R_p [n, 3, 3] and angular velocities [n, 3] in rad/s.

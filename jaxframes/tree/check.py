@@ -8,11 +8,20 @@ import numpy as np
 
 from jaxframes.model.attachment_graph import hangs_on
 from jaxframes.model.state import State
+from jaxframes.tables.placing import misplaced
 
 
 def check(tree: Any, state: State) -> tuple[str, ...]:
     """Return one sentence for each thing that is wrong."""
-    return (*_edges(tree), *_joints(tree, state), *_prescribed(tree, state), *_attachments(tree, state), *_times(tree, state))
+    frames = ((name, tree.parent(name) if name != tree.root else None, tree.edges.get(name), tree.properties[name]) for name in tree.names)
+    return (
+        *_edges(tree),
+        *misplaced(frames),
+        *_joints(tree, state),
+        *_prescribed(tree, state),
+        *_attachments(tree, state),
+        *_times(tree, state),
+    )
 
 
 def _where(bad: Any) -> str:
