@@ -13,6 +13,8 @@ from jax import lax
 
 Array = Any
 """A NumPy or a JAX array."""
+Pair = tuple[jax.Array, jax.Array]
+"""A number as the unevaluated sum of two."""
 
 
 @jax.custom_jvp
@@ -63,6 +65,26 @@ def _halves(a: jax.Array) -> tuple[jax.Array, jax.Array]:
     t = lax.optimization_barrier(a * np.array(2.0 ** ((digits + 1) // 2) + 1, a.dtype))
     high = lax.optimization_barrier(t - lax.optimization_barrier(t - a))
     return high, a - high
+
+
+def add(a: Pair, b: Pair) -> Pair:
+    """Return a + b."""
+    s, e = two_sum(a[0], b[0])
+    return fast_two_sum(s, e + (a[1] + b[1]))
+
+
+def multiply(a: Pair, b: Pair) -> Pair:
+    """Return a * b."""
+    p, e = two_product(a[0], b[0])
+    return fast_two_sum(p, e + (a[0] * b[1] + a[1] * b[0]))
+
+
+def divide(a: Pair, b: Pair) -> Pair:
+    """Return a / b."""
+    q = a[0] / b[0]
+    p, e = two_product(q, b[0])
+    rest = ((a[0] - p) - e) + (a[1] - q * b[1])
+    return fast_two_sum(q, rest / b[0])
 
 
 def recast_pair(hi: Array, lo: Array, dtype: Any) -> tuple[Array, Array]:

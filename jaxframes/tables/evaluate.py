@@ -17,18 +17,27 @@ import numpy as np
 from jax import lax
 
 from jaxframes.numerics.components import select
-from jaxframes.numerics.two_part import recast_pair, two_sum
+from jaxframes.numerics.trig import sin_cos
+from jaxframes.numerics.two_part import recast_pair, turns_in, two_sum
 from jaxframes.staging.columns import assemble
 from jaxframes.staging.operation import Mapped, Operation
 from jaxframes.staging.operation import run as operate
 from jaxframes.staging.sharding import is_large, like, may_block, rows_at
 from jaxframes.staging.stages import stage
-from jaxframes.tables.chebyshev import series
+from jaxframes.tables.formulas import Functions, record
 from jaxframes.tables.records import RecordTable, of_tables
 
 BLOCK = 512
 """Epochs a block on CPU."""
 
+
+def _turns(rate: Any, rate_low: Any, hi: jax.Array, lo: jax.Array) -> jax.Array:
+    rate, rate_low = (jnp.broadcast_to(jnp.asarray(x, hi.dtype), hi.shape) for x in (rate, rate_low))
+    return turns_in(rate, rate_low, hi, lo)
+
+
+DEVICE = Functions(sin_cos, jnp.sqrt, _turns)
+"""What the formulas of tables take of JAX."""
 Values: TypeAlias = tuple[jax.Array, ...]
 """Three components of the value, then three of each derivative: 3 (order + 1) arrays of the batch's shape; or, as vectors, order + 1
 arrays [..., 3]."""
@@ -246,27 +255,5 @@ def _values(order: int, records: RecordTable, rows: jax.Array, dt_hi: jax.Array,
     row = place if rows is records.rows else jnp.moveaxis(rows_at(rows, index), -1, 0)
     middle_hi, middle_lo, radius = place[-3], place[-2], place[-1]
     s = (((dt_hi - middle_hi) + (dt_lo - middle_lo)) + outside) / radius
-    out: list[list[jax.Array]] = [[] for _ in range(order + 1)]
-    for axis in range(3):
-        if records.series == 3:
-            parts = _scaled(series(_terms(records, row, axis), s, order), radius)
-        else:
-            parts = [series(_terms(records, row, axis), s, 0)[0]]
-            if order > 0:
-                parts += _scaled(series(_terms(records, row, axis + 3), s, order - 1), radius)
-        for k, part in enumerate(parts):
-            out[k].append(part)
-    return [component for components in out for component in components]
-
-
-def _terms(records: RecordTable, row: jax.Array, which: int) -> list[jax.Array]:
-    return [row[j * records.series + which] for j in range(records.terms)]
-
-
-def _scaled(derivatives: tuple[jax.Array, ...], radius: jax.Array) -> list[jax.Array]:
-    """Return derivatives with respect to time from those with respect to the argument in [-1, 1]."""
-    out, power = [derivatives[0]], radius
-    for derivative in derivatives[1:]:
-        out.append(derivative / power)
-        power = power * radius
-    return out
+    coefficients = [[row[j * records.series + which] for j in range(records.terms)] for which in range(records.series)]
+    return record(coefficients, s, radius, order)

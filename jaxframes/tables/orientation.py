@@ -6,14 +6,15 @@ from typing import Any
 import jax
 
 from jaxframes.edges.base import Inputs, family
-from jaxframes.numerics.components import V3, Quat
+from jaxframes.numerics.components import Quat
 from jaxframes.numerics.packed import Kind, Packed
 from jaxframes.numerics.path_motion import extend, steps_at_hand
-from jaxframes.numerics.steps import Coordinate, Step, Turn
+from jaxframes.numerics.steps import Step
 from jaxframes.staging.columns import parameters
 from jaxframes.tables import evaluate
 from jaxframes.tables.base import Table, checked_order, triples, two_parts
 from jaxframes.tables.evaluate import Run
+from jaxframes.tables.formulas import euler_steps
 from jaxframes.tables.info import Info
 from jaxframes.tables.records import RecordTable
 
@@ -52,13 +53,6 @@ class OrientationTable(Table):
             order: 0, 1 or 2; the first ``order + 1`` of the three are returned.
         """
         return _orientation(checked_order(order), self.run, self.placement, *two_parts(time))
-
-
-def euler_steps(placement: Quat, angles: tuple[V3, ...]) -> tuple[Step, ...]:
-    """Return the three rotations that Euler angles (phi, theta, psi) with their derivatives stand for."""
-    phi, theta, psi = (Coordinate(*parts) for parts in zip(*angles, strict=True))
-    x, z = V3(1.0, 0.0, 0.0), V3(0.0, 0.0, 1.0)
-    return Turn(z, phi, rotation=placement), Turn(x, theta), Turn(z, psi)
 
 
 @functools.partial(jax.jit, static_argnums=0)

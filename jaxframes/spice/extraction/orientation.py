@@ -4,10 +4,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import NoPathError
+from jaxframes.numerics import host_quaternions
 from jaxframes.spice import accuracy
 from jaxframes.spice.assembly import assembled
 from jaxframes.spice.extraction import ck_attitude, joining
-from jaxframes.spice.extraction.constant_in_time import quaternion
 from jaxframes.spice.extraction.text_pck import has_text_pck, model_axes, no_data, text_pck
 from jaxframes.spice.options import OrientationRequest
 from jaxframes.spice.reading.frame_chain import anchored
@@ -60,7 +60,7 @@ def pck(pool: KernelPool, request: OrientationRequest) -> OrientationTable | Iau
     if not has_text_pck(pool, class_id):
         raise no_data(pool, request)
     placement = pool.rotation(model_axes(pool, class_id), request.base.name)
-    return text_pck(pool, request, quaternion(placement))
+    return text_pck(pool, request, host_quaternions.from_matrices(placement))
 
 
 def binary_pck(pool: KernelPool, request: OrientationRequest) -> OrientationTable:
@@ -75,7 +75,7 @@ def binary_pck(pool: KernelPool, request: OrientationRequest) -> OrientationTabl
         )
     rotation = joining.segment_rotation(pool, pieces[0].segment, base.name)
     records, _ = joining.join_pieces(pool, [(piece, None) for piece in pieces], 1, bounds[0])
-    placement, records = quaternion(np.eye(3) if rotation is None else rotation), joining.unwrapped(records)
+    placement, records = host_quaternions.from_matrices(np.eye(3) if rotation is None else rotation), joining.unwrapped(records)
     facts = {"measured": accuracy.angles(pool, of.name, base.name, records, placement, reference_day(bounds[0]), bounds)}
     placed = jnp.asarray(placement, default_float())
     return assembled(pool, OrientationTable, "orientation", request.names, bounds, [records], pieces, facts, placement=placed)
