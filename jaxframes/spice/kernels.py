@@ -85,6 +85,18 @@ class Kernels(Inventory, OffersEdges):
         """End the process that holds the kernels; tables made before stay as they are."""
         self._pool.close()
 
+    def load(self, paths: Iterable[str | os.PathLike[str]] | str | os.PathLike[str]) -> None:
+        """Load further kernels, which win over those that are loaded already; tables made before stay as they are.
+
+        Args:
+            paths: As for the class.
+
+        Raises:
+            MissingKernelError: If a file is missing.
+            BadKernelError: If a file is no kernel, or is damaged. Those before it stay loaded.
+        """
+        self._pool.load(kernel_files(paths))
+
     def translation(
         self,
         *,
@@ -278,8 +290,25 @@ class Kernels(Inventory, OffersEdges):
         for body in _several(bodies, "bodies"):
             place(builder, source, body, J2000)
         for frame in _several(frames, "frames"):
-            place(builder, source, *(_pair(frame) if isinstance(frame, (tuple, list)) else (self._pool.frame(frame).center, frame)))
+            if isinstance(frame, (tuple, list)):
+                place(builder, source, *_pair(frame))
+            else:
+                self._place_at_center(builder, source, frame)
         return builder.build()
+
+    def _place_at_center(self, builder: TreeBuilder, source: KernelSource, frame: str | int) -> None:
+        center = self._pool.frame(frame).center
+        try:
+            place(builder, source, center, frame)
+        except NoPathError as error:
+            held = {s.body for s in self._pool.segments if s.kind == "SPK"}
+            barycentre = center // 100
+            if center in held or not 100 < center < 1000 or barycentre not in held:
+                raise
+            raise NoPathError(
+                f"{error}\nTo have the frame at the barycentre, which is held, name the pair: "
+                f"frames=[({self._pool.body_name(barycentre)!r}, {frame!r})]."
+            ) from None
 
     def edge_source(
         self,

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.errors import NoPathError
+from jaxframes.errors import CoverageError, NoPathError
 from jaxframes.numerics import host_quaternions
 from jaxframes.spice import accuracy
 from jaxframes.spice.assembly import assembled
@@ -67,7 +67,15 @@ def binary_pck(pool: KernelPool, request: OrientationRequest) -> OrientationTabl
     """Return the orientation of a frame from binary PCK segments, by extraction of their records: exact."""
     of, base = request.of, request.base
     bounds = pool.span(request.start, request.stop, "PCK", (of.class_id,))
-    pieces = orientation_pieces(of.class_id, of.name, pool.segments, *bounds)
+    try:
+        pieces = orientation_pieces(of.class_id, of.name, pool.segments, *bounds)
+    except CoverageError as error:
+        if not has_text_pck(pool, of.class_id):
+            raise
+        raise CoverageError(
+            f"{error}\nA text PCK loaded orients {of.name} too, at every instant, and SPICE falls back to it outside of the binary PCK. "
+            "For that model open the kernels without the binary PCK."
+        ) from None
     bases = {piece.segment.frame for piece in pieces}
     if len(bases) > 1:
         raise NoPathError(
