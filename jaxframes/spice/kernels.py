@@ -8,7 +8,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from jaxframes.errors import NoPathError, SpiceError
+from jaxframes.errors import NoPathError
+from jaxframes.spice.bundle import bundle, several
 from jaxframes.spice.edge_source import KernelSource
 from jaxframes.spice.extraction import orientation as extracted_orientation
 from jaxframes.spice.extraction import translation as extracted_translation
@@ -32,10 +33,9 @@ from jaxframes.spice.reading.kernel_files import kernel_files
 from jaxframes.spice.reading.pool import KernelPool
 from jaxframes.spice.reading.process import TIMEOUT
 from jaxframes.tables.instants import Instant
-from jaxframes.tables.naif_ids import J2000, labelled
-from jaxframes.tables.placing import OffersEdges, place
+from jaxframes.tables.naif_ids import labelled
+from jaxframes.tables.placing import OffersEdges
 from jaxframes.tables.translation import TranslationTable
-from jaxframes.tree.builder import TreeBuilder
 from jaxframes.tree.frame_tree import FrameTree
 
 
@@ -251,6 +251,7 @@ class Kernels(Inventory, OffersEdges):
         *,
         bodies: str | int | Sequence[str | int] = (),
         frames: str | int | Sequence[str | int | tuple[str | int, str | int | None]] = (),
+        root: str | int | None = None,
         start: Instant | None = None,
         stop: Instant | None = None,
         ck: str = "smooth",
@@ -259,7 +260,9 @@ class Kernels(Inventory, OffersEdges):
     ) -> FrameTree:
         """Return a tree of bodies and frames, ready to be queried: any of them relative to any other.
 
-        The root ``"SSB"`` is the Solar System barycentre with J2000 axes. Each body is a frame with J2000 axes under its SPICE name
+        The root is the body with J2000 axes that the kernels' data meet at: ``"SSB"``, the Solar System barycentre, where they reach it,
+        else the last that all bodies' positions are relative to, or the one that all frames belong to. Each body is a frame with J2000
+        axes under its SPICE name
         (``"EARTH"``), below the body that its segments are relative to; the bodies between are there too. Each frame is below
         the body that is its centre, or the frame that it is fixed to or that its C-kernel turns it against, under its SPICE name
         (``"ITRF93"``).
@@ -269,6 +272,7 @@ class Kernels(Inventory, OffersEdges):
             bodies: Bodies by name or id; one alone needs no list.
             frames: SPICE frames by name or id, placed at the body that is their centre; or pairs (body, frame), placed at this body, as
                 ``add_spice(body=, frame=)`` does: frame None or 999999 is the default frame. One name or id alone needs no list.
+            root: Body to take as the root, by name or id.
             start: Start of the coverage, as in ``translation``. Default: from where the kernels have data, whatever the size.
             stop: End of the coverage.
             ck: How C-kernels are read between their knots, as in ``orientation``.
@@ -285,30 +289,8 @@ class Kernels(Inventory, OffersEdges):
             CoverageError: If the kernels do not cover the span.
             ToleranceError: If a fit cannot be as good, or the tolerance says nothing about it.
         """
-        builder, source = TreeBuilder(root="SSB"), self.edge_source(start=start, stop=stop, ck=ck, bridge=bridge, tolerance=tolerance)
-        builder.set_properties("SSB", {"spice_body": 0, "spice_frame": J2000, "spice_body_name": "SSB", "spice_frame_name": "J2000"})
-        for body in _several(bodies, "bodies"):
-            place(builder, source, body, J2000)
-        for frame in _several(frames, "frames"):
-            if isinstance(frame, (tuple, list)):
-                place(builder, source, *_pair(frame))
-            else:
-                self._place_at_center(builder, source, frame)
-        return builder.build()
-
-    def _place_at_center(self, builder: TreeBuilder, source: KernelSource, frame: str | int) -> None:
-        center = self._pool.frame(frame).center
-        try:
-            place(builder, source, center, frame)
-        except NoPathError as error:
-            held = {s.body for s in self._pool.segments if s.kind == "SPK"}
-            barycentre = center // 100
-            if center in held or not 100 < center < 1000 or barycentre not in held:
-                raise
-            raise NoPathError(
-                f"{error}\nTo have the frame at the barycentre, which is held, name the pair: "
-                f"frames=[({self._pool.body_name(barycentre)!r}, {frame!r})]."
-            ) from None
+        source = self.edge_source(start=start, stop=stop, ck=ck, bridge=bridge, tolerance=tolerance)
+        return bundle(self._pool, source, several(bodies, "bodies"), several(frames, "frames"), root)
 
     def edge_source(
         self,
@@ -321,18 +303,3 @@ class Kernels(Inventory, OffersEdges):
     ) -> KernelSource:
         """Return what ``TreeBuilder.add_spice`` takes its edges from; options as in ``tree``."""
         return KernelSource(self._pool, self.translation, self.orientation, start, stop, ck, bridge, tolerance)
-
-
-def _several(given: Any, role: str) -> Iterable[Any]:
-    """Return names, ids or pairs one by one, of which a user may give one alone."""
-    if isinstance(given, (str, int, np.integer)):
-        return [given]
-    if not isinstance(given, Iterable) or isinstance(given, bytes):
-        raise SpiceError(f"{role} = {given!r}: give a name or an id, or a list of them.")
-    return given
-
-
-def _pair(given: Sequence[Any]) -> Sequence[Any]:
-    if len(given) != 2:
-        raise SpiceError(f"frames = [..., {given!r}, ...]: give names or ids of frames, or pairs (body, frame).")
-    return given

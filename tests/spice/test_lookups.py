@@ -79,7 +79,7 @@ def test_hermite_nodes_of_degree_one_are_lines_through_the_nearest(cspice, rng, 
 def test_a_frame_of_a_planet_whose_barycentre_alone_is_held(paths):
     with jf.spice.Kernels([*paths, PCK]) as kernels:
         with pytest.raises(errors.NoPathError, match=r"frames=\[\('MARS BARYCENTER', 'IAU_MARS'\)\]"):
-            kernels.tree(frames=["IAU_MARS"], **SPAN)
+            kernels.tree(bodies="EARTH", frames=["IAU_MARS"], **SPAN)
         tree = kernels.tree(frames=[("MARS BARYCENTER", "IAU_MARS")], **SPAN)
     assert tree.parent("IAU_MARS @ MARS BARYCENTER") == "MARS BARYCENTER"
 
@@ -111,3 +111,31 @@ def test_types_that_are_not_extracted_are_named_rightly(tmp_path, kernels):
     spiceypy.spkcls(handle)
     with jf.spice.Kernels([elements]) as opened, pytest.raises(errors.NoPathError, match="exact are SPK types 2, 3, 8, 9, 12, 13 and 20"):
         opened.translation(target=-77, center=399)
+
+
+def test_trees_are_rooted_where_the_data_meet(paths, tmp_path, rng, cspice):
+    """An orbiter about Mars alone, orientations alone, attitudes alone; and where a body is chosen."""
+    spk = made.nodes(tmp_path / "orbiter.bsp", 13, -977, 499, 820497600.0 + np.arange(20) * 60.0, rng.normal(size=(20, 6)) * 1e3, 7)
+    with jf.spice.Kernels([spk, PCK]) as kernels:
+        tree = kernels.tree(bodies=[-977], frames=["IAU_MARS"])
+        assert (tree.root, tree.names) == ("MARS", ("MARS", "-977", "IAU_MARS"))
+        assert tree.properties["MARS"]["spice_body"] == 499
+        state = tree.state(time=820498000.0)
+        cspice.furnsh([str(spk), str(PCK)])
+        known = cspice.spkpos("-977", 820498000.0, "IAU_MARS", "NONE", "MARS")[0] * 1e3
+        found = tree.transform(state, of="-977", relative_to="IAU_MARS").translation
+        # CSPICE rounds the prime meridian as degrees of many turns: 1e-10 rad. In float32 the model is good to 3e-6 rad.
+        assert np.abs(np.asarray(found) - known).max() <= max(1e-10, 40 * np.finfo(np.asarray(found).dtype).eps) * np.abs(known).max()
+        only = kernels.tree(frames="IAU_MARS")
+        assert only.names == ("MARS", "IAU_MARS")
+        with pytest.raises(errors.NoPathError, match="do not connect"):
+            kernels.tree(bodies=[-977], frames=["IAU_EARTH"])
+    with jf.spice.Kernels(paths) as kernels:
+        assert kernels.tree(frames="ITRF93", **SPAN).names == ("SSB", "EARTH BARYCENTER", "EARTH", "ITRF93")
+        chosen = kernels.tree(bodies=["MOON", "SUN"], frames="ITRF93", root="EARTH", **SPAN)
+        assert chosen.root == "EARTH"
+        assert chosen.parent("MOON") == chosen.parent("SUN") == chosen.parent("ITRF93") == "EARTH"
+        with pytest.raises(errors.UnknownBodyError, match="root = 'NOWHERE'"):
+            kernels.tree(bodies=["MOON"], root="NOWHERE")
+    with jf.spice.Kernels([p for p in paths if not p.endswith(".bsp")]) as kernels:
+        assert kernels.tree(frames="ITRF93", **SPAN).names == ("EARTH", "ITRF93")
