@@ -346,3 +346,62 @@ def test_damaged_knots(tmp_path, word, value):
     words.tofile(path)
     with pytest.raises(errors.BadKernelError, match="damaged or cut off"):
         made(tmp_path, path)
+
+
+WRONG = {
+    "zeros": lambda q, w: np.zeros_like(w),
+    "body axes": lambda q, w: host_quaternions.rotate(host_quaternions.conjugate(q), w),
+    "degrees": lambda q, w: np.rad2deg(w),
+}
+
+
+@pytest.mark.float64
+@pytest.mark.parametrize("kind", [1, 3])
+@pytest.mark.parametrize("wrong", WRONG)
+def test_rates_that_are_none_of_the_attitudes_are_replaced(tmp_path, rng, kind, wrong):
+    """A body that turns at 2e-3 rad/s and wanders: between knots it is where its attitudes say, whatever rates were recorded."""
+    start = host_quaternions.from_rotation_vector(np.array([0.9, -0.4, 1.3]))
+    spin = np.array([1.2e-3, -1.0e-3, 1.2e-3])
+
+    def truth(t):
+        q = orbits.slew(t, 1e-3)[0]
+        turned = host_quaternions.from_rotation_vector(spin * t[:, None])
+        return host_quaternions.multiply(host_quaternions.multiply(turned, q), np.broadcast_to(start, q.shape))
+
+    knots = np.arange(0.0, 601.0, 10.0)
+    h = 1e-3
+    poses = truth(knots)
+    between = host_quaternions.multiply(truth(knots + h), host_quaternions.conjugate(truth(knots - h)))
+    rates = host_quaternions.vector_of(between) / (2 * h)
+    path = orbits.pointing(tmp_path / "wrong.bc", kind, knots, poses, WRONG[wrong](poses, rates))
+    options = {"bridge": 15.0} if kind == 1 else {}
+    with pytest.warns(errors.FrameWarning, match=r"TESTCRAFT: segment .* its angular velocities are none of its attitudes"):
+        table = made(tmp_path, path, **options)
+    assert any("replaced by those of the attitudes" in note for note in table.info.notes)
+    past = rng.integers(0, int(knots[-1] * 1024), 500) / 1024
+    got = table.evaluate(jf.Epoch(np.full(len(past), ORIGIN), past), 0)[0]
+    assert angle(got, truth(past)) < 2e-6  # 0.01 rad with rates of zero; the wandering alone bends 3e-5 rad between knots
+    # As SPICE: no replacement, and no warning.
+    assert made(tmp_path, path, ck="spice", **options).info.notes == ()
+    # Right rates stay, silently: warnings are errors here.
+    right = made(tmp_path, orbits.pointing(tmp_path / "right.bc", kind, knots, poses, rates), **options)
+    assert not any("replaced" in note for note in right.info.notes)
+
+
+@pytest.mark.float64
+def test_noise_jumps_and_rests_are_no_contradiction(tmp_path, rng):
+    """Star trackers jitter, estimators start anew, planned slews are at rest at both ends: recorded rates stay."""
+    knots = np.arange(0.0, 401.0, 4.0)
+    q, w, _ = orbits.slew(knots, 1e-3)
+    noise = host_quaternions.from_rotation_vector(rng.normal(size=(len(knots), 3)) * 2e-5)
+    jump = np.where(knots[:, None] > 200.0, host_quaternions.from_rotation_vector(np.array([3e-3, 0.0, 0.0])), [1.0, 0, 0, 0])
+    steps = host_quaternions.from_rotation_vector(np.cumsum((np.arange(len(knots)) % 4 == 3)[:, None] * [0.0, 0.1, 0.2], 0))
+    cases = {
+        "noise": (host_quaternions.multiply(noise, q), w),
+        "gyro": (q, w + rng.normal(size=w.shape) * 1e-5),
+        "jump": (host_quaternions.multiply(jump, q), w),
+        "rests": (steps, np.zeros_like(w)),
+    }
+    for name, (poses, rates) in cases.items():
+        table = made(tmp_path, orbits.pointing(tmp_path / f"{name}.bc", 3, knots, poses, rates))
+        assert not any("replaced" in note for note in table.info.notes), name
