@@ -33,7 +33,8 @@ def bundle(pool: KernelPool, source: KernelSource, bodies: Sequence[Any], frames
     builder = TreeBuilder(root=name)
     builder.set_properties(name, {"spice_body": top, "spice_frame": J2000, "spice_body_name": name, "spice_frame_name": "J2000"})
     for body in bodies:
-        place(builder, source, body, J2000)
+        own = source.own_axes(pool.body(body, "bodies"))
+        place(builder, source, body, J2000 if own is None else own[0])
     for frame in frames:
         if isinstance(frame, (tuple, list)):
             place(builder, source, *_pair(frame))

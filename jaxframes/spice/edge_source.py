@@ -5,14 +5,19 @@ from collections.abc import Callable, Collection
 from fractions import Fraction
 
 from jaxframes.edges.base import Edge
+from jaxframes.edges.fixed import Fixed
 from jaxframes.errors import NoPathError, ToleranceError
+from jaxframes.spatial import Transform
 from jaxframes.spice.options import Tolerance, checked_bridge, checked_tolerance
+from jaxframes.spice.reading.frame_chain import anchored
 from jaxframes.spice.reading.naming import CK, INERTIAL, TK
 from jaxframes.spice.reading.pool import KernelPool
 from jaxframes.spice.reading.segment_paths import Walk
+from jaxframes.tables.base import Table
 from jaxframes.tables.instants import Instant, exact_seconds
 from jaxframes.tables.naif_ids import J2000
 from jaxframes.tables.placing import EdgeSource
+from jaxframes.tables.translation import place_at_rest
 
 
 class KernelSource(EdgeSource):
@@ -45,6 +50,7 @@ class KernelSource(EdgeSource):
         self._translation, self._orientation = translation, orientation
         low, high = (None if x is None else exact_seconds(x, name) for x, name in ((start, "start"), (stop, "stop")))
         self.asked: tuple[Fraction | None, Fraction | None] = (low, high)
+        self._own_axes: dict[int, tuple[int, str] | None] = {}
         self._tolerance, self._knots = checked_tolerance(tolerance), {"ck": ck, "bridge": checked_bridge(bridge)}
 
     def body(self, body: str | int) -> tuple[int, str]:
@@ -57,12 +63,30 @@ class KernelSource(EdgeSource):
         found = self._pool.frame(self._default(body) if frame is None else frame)
         return found.id, found.name
 
+    def own_axes(self, body: int) -> tuple[int, str] | None:
+        """See ``EdgeSource``: the frame that all segments of the body over the span are fixed to."""
+        if body not in self._own_axes:
+            own = [s for s in self._pool.segments if s.kind == "SPK" and s.body == body]
+            low, high = self.asked
+            frames = {s.frame for s in own if (high is None or s.begin < high) and (low is None or s.end > low)}
+            known = [self._pool.find_frame(frame) for frame in frames]
+            anchors = {anchored(self._pool, frame).frame for frame in known if frame is not None}
+            turning = [frame for frame in anchors if frame.frame_class != INERTIAL]
+            self._own_axes[body] = (turning[0].id, turning[0].name) if len(turning) == len(anchors) == 1 and None not in known else None
+        return self._own_axes[body]
+
     def _default(self, body: int) -> int:
-        """Return the body-fixed frame that SPICE knows for a body; J2000 for barycentres and spacecraft, which have none of their own.
+        """Return the frame of a body that is asked for without naming one.
+
+        It is the one that its segments are fixed to, or the body-fixed frame that SPICE knows; J2000 for barycentres and spacecraft, which
+        have none of their own.
 
         SPICE's own answers for those are surprises: ECLIPB1950 for body 0, a frame without data for the barycentre of the Earth.
         """
-        found = None if body < 10 else self._pool.default_frame(body)
+        own = self.own_axes(body)
+        if own is not None:
+            return own[0]
+        found = None if 0 <= body < 10 else self._pool.default_frame(body)
         return J2000 if found is None else found
 
     def centered(self, body: int, frame: int) -> bool:
@@ -85,10 +109,14 @@ class KernelSource(EdgeSource):
         start, stop = self._pool.span(self._start, self._stop, "SPK", (body,))
         return Walk(body, self._pool.segments, start, stop, self._pool.body_name, meet=self._tolerance is not None).bodies
 
-    def translation(self, target: int, center: int) -> Edge:
-        """See ``EdgeSource``. Exact where that is possible, else fitted if there is a tolerance."""
-        make = functools.partial(self._translation, target=target, center=center, start=self._start, stop=self._stop)
-        return self._exact_or_fitted(make, "translation")
+    def translation(self, target: int, center: int, axes: str = "J2000") -> Edge:
+        """See ``EdgeSource``. Exact where that is possible, else fitted if there is a tolerance; fixed where nothing moves."""
+        make = functools.partial(self._translation, target=target, center=center, frame=axes, start=self._start, stop=self._stop)
+        if axes == "J2000":
+            return self._exact_or_fitted(make, "translation")
+        table = make()
+        at_rest = place_at_rest(table) if isinstance(table, Table) else None
+        return table if at_rest is None else Fixed(Transform.from_translation(at_rest))
 
     def orientation(self, frame: tuple[int, str], base: tuple[int, str]) -> Edge:
         """See ``EdgeSource``. Exact where that is possible, else fitted if there is a tolerance: dynamic and switch frames always are."""

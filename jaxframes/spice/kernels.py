@@ -124,7 +124,8 @@ class Kernels(Inventory, OffersEdges):
             center: Body that the parent frame is centred on; for corrected states the observer.
             of: Another name of ``target``, that of the queries of a tree.
             relative_to: Another name of ``center``, likewise.
-            frame: Inertial frame whose axes parent and child have.
+            frame: Frame whose axes parent and child have: inertial; or the one that the bodies' segments are given in, as stations and
+                landers are in frames fixed to their body.
             start: Start of the coverage: text as ``Epoch.from_text`` reads it, ET seconds, or ``Epoch``. Default: from where the
                 kernels have data.
             stop: End of the coverage. Default: as far as the kernels have data.
@@ -149,11 +150,13 @@ class Kernels(Inventory, OffersEdges):
         names = pool.body_name(body), pool.body_name(base)
         if body == base:
             raise NoPathError(f"target and center are the same body, {labelled(names[0], body)}: use jf.edges.Fixed().")
-        correction, axes = checked_correction(correction), pool.inertial_frame(frame, "frame").name
+        correction, axes = checked_correction(correction), pool.frame(frame, "frame").name
         bounds = pool.span(start, stop, "SPK", (body, base))
         tolerance, size = checked_tolerance(tolerance), checked_size(size)
         layout = checked_layout(layout, tolerance is not None or size is not None or correction != "NONE")
         looked_up = (names[0], body, names[1], base, axes)
+        if tolerance is not None or size is not None or correction != "NONE":
+            pool.inertial_frame(frame, "frame")
         request = TranslationRequest(looked_up, bounds, tolerance, size, layout, correction, compose)
         return (fitted_translation if request.fitted else extracted_translation).translation(pool, request)
 

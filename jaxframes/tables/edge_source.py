@@ -26,7 +26,7 @@ class TableSource(EdgeSource):
         strange = [t for t in held if not hasattr(t, "info")]
         if strange:
             raise EdgeError(f"add_spice takes jf.spice.Kernels or tables, found a {type(strange[0]).__name__}")
-        self._translations = [t for t in held if t.info.kind == "translation" and t.info.axes == "J2000"]
+        self._translations = [t for t in held if t.info.kind == "translation" and t.info.axes not in INERTIAL[1:]]
         self._orientations = [t for t in held if t.info.kind != "translation"]
 
     def body(self, body: str | int) -> tuple[int, str]:
@@ -47,6 +47,9 @@ class TableSource(EdgeSource):
         """See ``EdgeSource``."""
         known = dict(enumerate(INERTIAL, 1)) | {t.info.of_id: t.info.of for t in self._orientations}
         if frame is None:
+            fixed = self.own_axes(body)
+            if fixed is not None:
+                return fixed
             own = [t.info for t in self._orientations if center_of(t.info) == body and t.info.of_id > len(INERTIAL)]
             if body < 10 or not own:
                 return J2000, "J2000"
@@ -83,14 +86,21 @@ class TableSource(EdgeSource):
             ways += [[*way, t.info.relative_id] for t in self._translations if t.info.of_id == way[-1] and t.info.relative_id not in way]
         return ways[-1]
 
-    def translation(self, target: int, center: int) -> Edge:
+    def own_axes(self, body: int) -> tuple[int, str] | None:
+        """See ``EdgeSource``."""
+        axes = {t.info.axes for t in self._translations if t.info.of_id == body}
+        ids = {t.info.of: t.info.of_id for t in self._orientations}
+        named = [(ids[name], name) for name in axes if name not in INERTIAL and name in ids]
+        return named[0] if len(named) == len(axes) == 1 else None
+
+    def translation(self, target: int, center: int, axes: str = "J2000") -> Edge:
         """See ``EdgeSource``."""
         for table in self._translations:
-            if (table.info.of_id, table.info.relative_id) == (target, center):
+            if (table.info.of_id, table.info.relative_id, table.info.axes) == (target, center, axes):
                 return table
         held = "; ".join(f"{t.info.of} from {t.info.relative_to}" for t in self._translations) or "none"
         raise NoPathError(
-            f"No table of {self.body(target)[1]!r} is among those given: none of body {target} from {center} in J2000 (there are: {held})."
+            f"No table of {self.body(target)[1]!r} is among those given: none of body {target} from {center} in {axes} (there are: {held})."
         )
 
     def orientation(self, frame: tuple[int, str], base: tuple[int, str]) -> Edge:

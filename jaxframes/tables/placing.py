@@ -71,8 +71,12 @@ class EdgeSource(abc.ABC):
         """Return a body and the bodies that its position is given relative to, link by link, by way of one that is there if possible."""
 
     @abc.abstractmethod
-    def translation(self, target: int, center: int) -> Edge:
-        """Return the edge from a body to another, axes J2000."""
+    def own_axes(self, body: int) -> tuple[int, str] | None:
+        """Return the id and name of the turning frame that the positions of a body are given in, as those of stations; None for J2000."""
+
+    @abc.abstractmethod
+    def translation(self, target: int, center: int, axes: str = "J2000") -> Edge:
+        """Return the edge from a body to another, both with these axes."""
 
     @abc.abstractmethod
     def orientation(self, frame: tuple[int, str], base: tuple[int, str]) -> Edge:
@@ -90,7 +94,8 @@ class OffersEdges(abc.ABC):
 def place(builder: TreeInMaking, source: EdgeSource, body: str | int, frame: str | int | None) -> str:
     """Return the name of the frame for a body and a SPICE frame in a builder, added if it is not there.
 
-    A frame with turning axes hangs on the inertial frame (J2000) of its body, or on the frame that it is fixed to; an inertial frame
+    A body whose positions are given in turning axes, such as a station, hangs on the frame that has them, at its centre. Another frame
+    with turning axes hangs on the inertial frame (J2000) of its body, or on the frame that it is fixed to; an inertial frame
     hangs on that of the next body on the way to the Solar System barycentre that is there, with the bodies between added too.
     """
     body_id, body_name = source.body(body)
@@ -111,6 +116,10 @@ def _place(builder: TreeInMaking, source: EdgeSource, body: tuple[int, str], fra
     if key in known:
         _check_span(builder, source, known[key])
         return known[key]
+    if frame == source.own_axes(body[0]):
+        center = source.chain(body[0], ())[1]
+        parent = _place(builder, source, source.body(center), frame)
+        return _add(builder, body[1], parent, source.translation(body[0], center, frame[1]), body, frame)
     if frame[0] == J2000:
         return _place_inertial(builder, source, body, known)
     base = source.base(frame[0])

@@ -4,6 +4,7 @@ import functools
 from typing import Any
 
 import jax
+import numpy as np
 
 from jaxframes.edges.base import Inputs, family
 from jaxframes.numerics.rigid import Rigid
@@ -70,3 +71,15 @@ class TranslationTable(Table):
 @functools.partial(jax.jit, static_argnums=0)
 def _translation(order: int, run: Run, hi: Any, lo: Any) -> tuple[jax.Array, ...]:
     return evaluate.evaluate(run, hi, lo, order, vectors=True)
+
+
+def place_at_rest(table: Table) -> np.ndarray | None:
+    """Return the position [3] of what a table says does not move at all, None where it moves."""
+    total = np.zeros(3)
+    for records in table.record_tables:
+        rows = np.asarray(records.rows)
+        places, rest = rows[:, :3], rows[:, records.series : -3]
+        if (places != places[0]).any() or (rest != 0).any() or (rows[:, 3 : records.series] != 0).any():
+            return None
+        total = total + places[0]
+    return total

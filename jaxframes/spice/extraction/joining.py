@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxframes.errors import NoPathError
 from jaxframes.spice.extraction.read_records import read_piece
-from jaxframes.spice.reading.naming import INERTIAL
+from jaxframes.spice.reading.frame_chain import anchored
 from jaxframes.spice.reading.pool import KernelPool
 from jaxframes.spice.reading.segments import Piece, Records, Segment, open_starts
 from jaxframes.tables.index import irregular
@@ -149,13 +149,25 @@ def join_pieces(
 
 
 def segment_rotation(pool: KernelPool, segment: Segment, axes: str) -> np.ndarray | None:
-    """Return the matrix from a segment's own inertial frame to another, None where they are the same.
+    """Return the matrix from a segment's own frame to another, which does not turn against it; None where they are the same.
 
     Raises:
-        NoPathError: If the segment's own frame is unknown, or turns.
+        NoPathError: If the segment's own frame is unknown, or turns against the other.
     """
     own = pool.find_frame(segment.frame)
-    if own is None or own.frame_class != INERTIAL:
-        label = "unknown to the kernels loaded" if own is None else f"{own.name}, which turns"
-        raise NoPathError(f"{segment.describe()} is relative to frame {segment.frame}, {label}: only inertial frames are extracted.")
-    return None if own.name == axes else pool.rotation(own.name, axes)
+    if own is None:
+        raise NoPathError(
+            f"{segment.describe()} is relative to frame {segment.frame}, of no kernel loaded: load the kernel that defines it."
+        )
+    if own.name == axes:
+        return None
+    of, base = anchored(pool, own), anchored(pool, pool.frame(axes))
+    if of.inertial and base.inertial:
+        return base.matrix.T @ pool.rotation(of.frame.name, base.frame.name) @ of.matrix
+    if of.frame.id != base.frame.id:
+        raise NoPathError(
+            f"{segment.describe()} is relative to {own.name}, which turns against {axes}: positions are exact in their own axes. "
+            f"Ask for frame={own.name!r}, and for the orientation as an edge of its own, as kernels.tree and add_spice do."
+        )
+    between = base.matrix.T @ of.matrix
+    return None if np.array_equal(between, np.eye(3)) else between
