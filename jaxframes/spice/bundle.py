@@ -33,7 +33,7 @@ def bundle(pool: KernelPool, source: KernelSource, bodies: Sequence[Any], frames
     builder = TreeBuilder(root=name)
     builder.set_properties(name, {"spice_body": top, "spice_frame": J2000, "spice_body_name": name, "spice_frame_name": "J2000"})
     for body in bodies:
-        own = source.own_axes(pool.body(body, "bodies"))
+        own = source.own_axes(pool.body(body, "body"))
         place(builder, source, body, J2000 if own is None else own[0])
     for frame in frames:
         if isinstance(frame, (tuple, list)):
@@ -45,7 +45,7 @@ def bundle(pool: KernelPool, source: KernelSource, bodies: Sequence[Any], frames
 
 def _meeting_body(pool: KernelPool, source: KernelSource, bodies: Sequence[Any], frames: Sequence[Any]) -> int:
     """Return the last body that the positions of all bodies asked for are relative to; the SSB where there is none, or they differ."""
-    asked = [pool.body(body, "bodies") for body in bodies]
+    asked = [pool.body(body, "body") for body in bodies]
     asked += [pool.body(_pair(f)[0], "frames") if isinstance(f, (tuple, list)) else pool.frame(f).center for f in frames]
     tops = {source.chain(body, ())[-1] for body in asked}
     return tops.pop() if len(tops) == 1 else 0
