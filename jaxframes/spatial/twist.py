@@ -10,15 +10,16 @@ from jaxframes.numerics.batch import tag
 from jaxframes.numerics.components import V3, Quat, cross, dot, rotate, rotate_inverse
 from jaxframes.numerics.lift import lift
 from jaxframes.spatial.value import LinearValue
-from jaxframes.spatial.velocity import SpatialVelocity, as_vector
+from jaxframes.spatial.velocity import SpatialVelocity, as_vector, halves
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Twist(LinearValue):
     """The velocity of a rigid body: of a reference point (``linear`` [..., 3], m/s) and angular (``angular`` [..., 3], rad/s).
 
-    Which point and which axes is the user's to know; ``ref_point``, ``change_base`` and ``transform`` change them.
+    Which point and which axes is the user's to know; ``ref_point``, ``change_base`` and ``transform`` change them. Both vectors are
+    given by name: KDL has the linear one first, 6-vectors here have the angular one first.
     """
 
     linear: jax.Array
@@ -35,6 +36,12 @@ class Twist(LinearValue):
         """
         return cls(linear=_shift(velocity.linear, velocity.angular, point), angular=jnp.asarray(velocity.angular))
 
+    @classmethod
+    def from_vector(cls, vector: Any) -> "Twist":
+        """Return the twist of arrays [..., 6] in the order [angular, linear]."""
+        angular, linear = halves(vector)
+        return cls(linear=linear, angular=angular)
+
     def to_spatial_velocity(self, point: Any) -> SpatialVelocity:
         """Return the velocity of a frame fixed in the body whose origin is at ``point`` [..., 3] from the reference point."""
         return SpatialVelocity(angular=jnp.asarray(self.angular), linear=_shift(self.linear, self.angular, point))
@@ -49,11 +56,13 @@ class Twist(LinearValue):
 
     def transform(self, pose: Any) -> "Twist":
         """Return the twist with base and reference point moved by ``a_T_b``, from b's origin and axes to a's."""
-        return Twist(*_forward(pose.rotation.wxyz, pose.translation, self.linear, self.angular))
+        linear, angular = _forward(pose.rotation.wxyz, pose.translation, self.linear, self.angular)
+        return Twist(linear=linear, angular=angular)
 
     def inverse_transform(self, pose: Any) -> "Twist":
         """Return the twist with base and reference point moved back by ``a_T_b``, from a's origin and axes to b's."""
-        return Twist(*_backward(pose.rotation.wxyz, pose.translation, self.linear, self.angular))
+        linear, angular = _backward(pose.rotation.wxyz, pose.translation, self.linear, self.angular)
+        return Twist(linear=linear, angular=angular)
 
     def inverse_change_base(self, rotation: Any) -> "Twist":
         """Return the twist along other axes: turned back by ``a_R_b``, from a axes to b axes."""
@@ -65,17 +74,24 @@ class Twist(LinearValue):
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Wrench(LinearValue):
     """A load: ``force`` [..., 3] in newtons and ``torque`` [..., 3] in newton metres about a reference point.
 
-    Which point and which axes is the user's to know; ``ref_point``, ``change_base`` and ``transform`` change them.
+    Which point and which axes is the user's to know; ``ref_point``, ``change_base`` and ``transform`` change them. Both vectors are
+    given by name: KDL has the force first, 6-vectors here have the torque first.
     """
 
     force: jax.Array
     torque: jax.Array
     kind: str = tag("Wrench")
     _names: ClassVar[tuple[str, str]] = ("force", "torque")
+
+    @classmethod
+    def from_vector(cls, vector: Any) -> "Wrench":
+        """Return the wrench of arrays [..., 6] in the order [torque, force]."""
+        torque, force = halves(vector)
+        return cls(force=force, torque=torque)
 
     def as_vector(self) -> jax.Array:
         """Return [torque, force] as one array [..., 6]: angular before linear, as everywhere (KDL has the other order)."""

@@ -14,7 +14,8 @@ from jaxframes.spatial.value import LinearValue
 from jaxframes.staging.arrays import as_float
 
 
-def _halves(vector: Any) -> tuple[jax.Array, jax.Array]:
+def halves(vector: Any) -> tuple[jax.Array, jax.Array]:
+    """Return the angular and the linear half of arrays [..., 6] (ShapeError)."""
     vector = as_float(vector)
     if vector.ndim == 0 or vector.shape[-1] != 6:
         raise ShapeError(f"[angular, linear] is an array of shape [..., 6]; found {vector.shape}")
@@ -49,7 +50,7 @@ class SpatialVelocity(LinearValue):
     @classmethod
     def from_vector(cls, vector: Any) -> "SpatialVelocity":
         """Return the velocity of arrays [..., 6] in the order [angular, linear]."""
-        return cls(*_halves(vector))
+        return cls(*halves(vector))
 
     def as_vector(self) -> jax.Array:
         """Return [angular, linear] as one array [..., 6]."""
@@ -94,7 +95,7 @@ class SpatialAcceleration(LinearValue):
     @classmethod
     def from_vector(cls, vector: Any) -> "SpatialAcceleration":
         """Return the acceleration of arrays [..., 6] in the order [angular, linear]."""
-        return cls(*_halves(vector))
+        return cls(*halves(vector))
 
     def as_vector(self) -> jax.Array:
         """Return [angular, linear] as one array [..., 6]."""

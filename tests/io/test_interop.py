@@ -68,7 +68,10 @@ def test_ros_messages(tol):
 
     as_object = Fields(translation=Fields(**message["translation"]), rotation=Fields(**message["rotation"]))
     assert s.allclose(interop.transform_from_tf2_xyzw(as_object), pose, rtol=tol, atol=tol)
-    twist, wrench = Twist(np.array([1.0, 2, 3]), np.array([4.0, 5, 6])), Wrench(np.array([1.0, 2, 3]), np.array([4.0, 5, 6]))
+    twist, wrench = (
+        Twist(linear=np.array([1.0, 2, 3]), angular=np.array([4.0, 5, 6])),
+        Wrench(force=np.array([1.0, 2, 3]), torque=np.array([4.0, 5, 6])),
+    )
     assert interop.twist_to_tf2(twist) == {"linear": {"x": 1, "y": 2, "z": 3}, "angular": {"x": 4, "y": 5, "z": 6}}
     assert interop.wrench_to_tf2(wrench) == {"force": {"x": 1, "y": 2, "z": 3}, "torque": {"x": 4, "y": 5, "z": 6}}
     assert s.allclose(interop.twist_from_tf2(interop.twist_to_tf2(twist)), twist)

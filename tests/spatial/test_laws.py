@@ -43,7 +43,7 @@ def close(a, b):
 def residuals(v):
     """Return the residual of every law for vectors v, a tuple of arrays [..., 3]."""
     a, b, c = Transform(Rotation.exp(v[0]), v[1]), Transform(Rotation.exp(v[2]), v[3]), Transform(Rotation.exp(v[4]), v[5])
-    x, velocity, twist, wrench = v[5], SpatialVelocity(v[1], v[3]), Twist(v[1], v[3]), Wrench(v[5], v[1])
+    x, velocity, twist, wrench = v[5], SpatialVelocity(v[1], v[3]), Twist(linear=v[1], angular=v[3]), Wrench(force=v[5], torque=v[1])
     p, q = (Motion(t, SpatialVelocity(v[i], v[j]), SpatialAcceleration(v[j], v[i])) for t, i, j in ((a, 3, 5), (b, 5, 1)))
     r, o = a.rotation, b.rotation
     pairs = {
@@ -122,7 +122,13 @@ def outcome(v):
     a, b = Transform(Rotation.exp(v[0]), v[1]), Transform(Rotation.exp(v[2]), v[3])
     motion = Motion(a @ b.inverse(), SpatialVelocity(v[1], v[3]), SpatialAcceleration(v[4], v[5]))
     turned = Rotation.from_matrix(b.rotation.to_matrix())
-    return a.interpolate_screw(b, 0.3), turned.to_rpy(), Twist(v[1], v[2]).transform(a), motion @ motion, s.kdl.normalize(v[5])
+    return (
+        a.interpolate_screw(b, 0.3),
+        turned.to_rpy(),
+        Twist(linear=v[1], angular=v[2]).transform(a),
+        motion @ motion,
+        s.kdl.normalize(v[5]),
+    )
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=str)

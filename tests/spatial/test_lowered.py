@@ -14,7 +14,7 @@ from tests.lowered import assert_highest_precision, products, stages
 V, Q, T3 = jnp.array([[0.3, -0.2, 0.5]]), jnp.array([[0.5, 0.5, -0.5, 0.5]]), jnp.ones((1,))
 R = Rotation(Q)
 POSE = Transform(R, V)
-VEL, ACC, TW, WR = SpatialVelocity(V, V), SpatialAcceleration(V, V), Twist(V, V), Wrench(V, V)
+VEL, ACC, TW, WR = SpatialVelocity(V, V), SpatialAcceleration(V, V), Twist(linear=V, angular=V), Wrench(force=V, torque=V)
 M = Motion(POSE, VEL, ACC)
 VALUES = {"Rotation": R, "Transform": POSE, "SpatialVelocity": VEL, "SpatialAcceleration": ACC, "Twist": TW, "Wrench": WR, "Motion": M}
 ANGLES3, PAIR = (T3, T3, T3), (V, V)
@@ -33,7 +33,7 @@ ARGUMENTS = {
     **{"Transform.relative_to": (POSE,), "Transform.retract": (TW,), "Transform.interpolate_screw": (POSE, T3)},
     **{"Transform.interpolate_separate": (POSE, T3), "Transform.reverse_velocity": (VEL,)},
     **{"SpatialVelocity.at_point": (V,), "SpatialVelocity.cross_motion": (VEL,), "SpatialVelocity.cross_force": (WR,)},
-    **{"SpatialVelocity.from_vector": (jnp.ones((1, 6)),), "SpatialAcceleration.from_vector": (jnp.ones((1, 6)),)},
+    **{f"{name}.from_vector": (jnp.ones((1, 6)),) for name in ("SpatialVelocity", "SpatialAcceleration", "Twist", "Wrench")},
     **{"SpatialAcceleration.at_point": (V, V), "Twist.from_spatial_velocity": (VEL, V), "Twist.to_spatial_velocity": (V,)},
     **{f"{name}.change_base": (R,) for name in ("SpatialVelocity", "SpatialAcceleration", "Twist", "Wrench")},
     **{f"{name}.{method}": (argument,) for name in ("Twist", "Wrench") for method, argument in

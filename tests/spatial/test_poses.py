@@ -74,7 +74,10 @@ def test_screw_and_separate_interpolation(tol):
 
 
 def test_first_order_integration_converges_to_the_exact_motion():
-    twist, start = Twist(jnp.array([1.0, 2.0, -0.5]), jnp.array([0.3, -0.4, 0.9])), Transform.from_translation([1.0, 0.0, 0.0])
+    twist, start = (
+        Twist(linear=jnp.array([1.0, 2.0, -0.5]), angular=jnp.array([0.3, -0.4, 0.9])),
+        Transform.from_translation([1.0, 0.0, 0.0]),
+    )
     exact = start.retract(twist * 0.1)
     once = s.kdl.integrate_body_first_order(start, twist, 0.1)
     half = s.kdl.integrate_body_first_order(s.kdl.integrate_body_first_order(start, twist, 0.05), twist, 0.05)
@@ -130,7 +133,7 @@ def test_twists_and_velocities_name_their_point(tol):
     back = at_origin_of_o.to_spatial_velocity(pose.translation)
     assert s.allclose(back, velocity, rtol=tol, atol=10 * tol)
     assert at_origin_of_o.as_vector()[:3].tolist() == velocity.angular.tolist()  # angular first
-    assert Wrench(jnp.ones(3), jnp.zeros(3)).as_vector().tolist() == [0, 0, 0, 1, 1, 1]
+    assert Wrench(force=jnp.ones(3), torque=jnp.zeros(3)).as_vector().tolist() == [0, 0, 0, 1, 1, 1]
 
 
 def test_norms_of_extreme_vectors(dtype):

@@ -20,8 +20,7 @@ def example(cls, batch=()):
         return cls.random(jax.random.key(1), batch)
     if cls is Motion:
         return Motion(example(Transform, batch), example(SpatialVelocity, batch), example(SpatialAcceleration, batch))
-    x = jax.random.normal(jax.random.key(2), (2, *batch, 3))
-    return cls(x[0], x[1])
+    return cls.from_vector(jax.random.normal(jax.random.key(2), (*batch, 6)))
 
 
 @pytest.mark.parametrize("cls", CLASSES)
@@ -253,3 +252,17 @@ def test_equal_and_dot_take_the_classes(rng, dtype):
             s.kdl.dot(*pair)
     with pytest.raises(TypeError, match="equal needs two values of one type; found Twist and Wrench"):
         s.kdl.equal(twist, wrench)
+
+
+def test_twists_and_wrenches_are_made_by_name_and_of_vectors(dtype):
+    """KDL has the linear part first and 6-vectors the angular one: no order of arguments to mistake."""
+    six = jnp.arange(12.0, dtype=dtype).reshape(2, 6)
+    twist, wrench = Twist.from_vector(six), Wrench.from_vector(six)
+    assert np.array_equal(twist.angular, six[:, :3])
+    assert np.array_equal(twist.linear, six[:, 3:])
+    assert np.array_equal(wrench.torque, six[:, :3])
+    assert np.array_equal(wrench.force, six[:, 3:])
+    for value in (twist, wrench):
+        assert np.array_equal(value.as_vector(), six)
+        with pytest.raises(TypeError, match="positional"):
+            type(value)(six[0, :3], six[0, 3:])

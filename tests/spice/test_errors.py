@@ -114,7 +114,10 @@ def test_epochs_and_seconds_and_text_are_the_same_instants(kernels):
 
 
 def test_frames_that_turn_and_frames_without_binary_data(kernels):
-    with pytest.raises(errors.NoPathError, match=r"is relative to J2000, which turns against ITRF93: positions are exact in their own axes. Ask for frame='J2000'"):
+    with pytest.raises(
+        errors.NoPathError,
+        match=r"is relative to J2000, which turns against ITRF93: positions are exact in their own axes. Ask for frame='J2000'",
+    ):
         kernels.translation(target="MOON", center="EARTH", frame="ITRF93", **SPAN)
     with pytest.raises(errors.NoPathError, match=r"No binary PCK segment for IAU_MARS .*loaded: \[3000\].*No text PCK gives BODY499_PM"):
         kernels.orientation(frame="IAU_MARS", **SPAN)
