@@ -15,10 +15,10 @@ from jaxframes.edges.compound_joints import PrismaticUniversal as PrismaticUnive
 from jaxframes.edges.compound_joints import Spherical as Spherical
 from jaxframes.edges.compound_joints import Universal as Universal
 from jaxframes.edges.fixed import Fixed as Fixed
-from jaxframes.edges.fixed import Prescribed as Prescribed
+from jaxframes.edges.joint import Virtual as Virtual
 from jaxframes.edges.mimic import Dependent as Dependent
 from jaxframes.edges.mimic import Mimic as Mimic
+from jaxframes.edges.prescribed import Movable as Movable
+from jaxframes.edges.prescribed import Prescribed as Prescribed
 from jaxframes.edges.quaternion_joints import Ball as Ball
 from jaxframes.edges.quaternion_joints import Free as Free
-from jaxframes.edges.stored import Movable as Movable
-from jaxframes.edges.stored import Virtual as Virtual

@@ -9,7 +9,7 @@ import numpy as np
 from jaxframes.edges.base import KEPT, Inputs, family
 from jaxframes.edges.joint import AxisJoint, coordinate, one_number
 from jaxframes.numerics.components import mul
-from jaxframes.numerics.steps import Slide, Step, Turn
+from jaxframes.numerics.steps import RotationStep, Step, TranslationStep
 from jaxframes.spatial import Transform
 from jaxframes.staging.columns import parameters
 
@@ -29,17 +29,8 @@ class Revolute(AxisJoint):
         active: Whether the joint is driven (static). Kept, no query reads it.
     """
 
-    axis: jax.Array
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = AxisJoint.__init__
-
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        return (Turn(angle=coordinate(inputs, 0), **self._parts(inputs)),)
+        return (RotationStep(angle=coordinate(inputs, 0), **self._parts(inputs)),)
 
 
 @family(static=KEPT)
@@ -57,13 +48,7 @@ class Continuous(AxisJoint):
         active: Whether the joint is driven (static).
     """
 
-    axis: jax.Array
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-    curved: ClassVar[bool] = True
+    is_manifold: ClassVar[bool] = True
 
     def __init__(
         self,
@@ -76,7 +61,7 @@ class Continuous(AxisJoint):
         super().__init__(axis, placement, None, velocity_limits, effort_limits, active)
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        return (Turn(angle=coordinate(inputs, 0), **self._parts(inputs)),)
+        return (RotationStep(angle=coordinate(inputs, 0), **self._parts(inputs)),)
 
     def difference(self, q0: jax.Array, q1: jax.Array) -> jax.Array:
         """Return q1 - q0 less whole turns."""
@@ -97,20 +82,11 @@ class Prismatic(AxisJoint):
         active: Whether the joint is driven (static). Kept, no query reads it.
     """
 
-    axis: jax.Array
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = AxisJoint.__init__
-
     def angles(self) -> tuple[bool, ...]:
         return (False,)
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        return (Slide(length=coordinate(inputs, 0), **self._parts(inputs)),)
+        return (TranslationStep(length=coordinate(inputs, 0), **self._parts(inputs)),)
 
 
 @family(static=KEPT)
@@ -130,13 +106,8 @@ class Screw(AxisJoint):
         active: Whether the joint is driven (static).
     """
 
-    axis: jax.Array
+    axis: jax.Array  # said again so that it stays the first leaf
     pitch: jax.Array
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
 
     def __init__(
         self,
@@ -154,7 +125,8 @@ class Screw(AxisJoint):
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         parts = self._parts(inputs)
         per_radian = mul(parameters(self.pitch, inputs.batch_rank)[0], 1.0 / TURN)
-        return Slide(length=coordinate(inputs, 0, per_radian), **parts), Turn(axis=parts["axis"], angle=coordinate(inputs, 0))
+        along = TranslationStep(length=coordinate(inputs, 0, per_radian), **parts)
+        return along, RotationStep(axis=parts["axis"], angle=coordinate(inputs, 0))
 
 
 @family(static=KEPT)
@@ -174,18 +146,10 @@ class Cylindrical(AxisJoint):
 
     nq: ClassVar[int] = 2
     nv: ClassVar[int] = 2
-    axis: jax.Array
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = AxisJoint.__init__
 
     def angles(self) -> tuple[bool, ...]:
         return (True, False)
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         parts = self._parts(inputs)
-        return Turn(angle=coordinate(inputs, 0), **parts), Slide(axis=parts["axis"], length=coordinate(inputs, 1))
+        return RotationStep(angle=coordinate(inputs, 0), **parts), TranslationStep(axis=parts["axis"], length=coordinate(inputs, 1))

@@ -1,6 +1,7 @@
 """What an edge family must say: how many coordinates it takes, the steps it is made of, and how it prints."""
 
 import dataclasses
+import inspect
 import operator
 from collections.abc import Callable, Hashable, Sequence
 from typing import Any, ClassVar, NamedTuple, Self, TypeVar
@@ -39,6 +40,7 @@ class Inputs(NamedTuple):
     batch_rank: int = 0
 
 
+@dataclasses.dataclass(frozen=True, eq=False, repr=False, init=False)
 class Edge:
     """Base of all edge families.
 
@@ -48,21 +50,22 @@ class Edge:
     Attributes:
         nq: How many stored coordinates an edge takes from ``q``.
         nv: How many rates it takes from ``qd`` and ``qdd`` (its mobility).
-        stacks: Whether the parameters of all edges of this family may be stored as one array with a leading axis.
+        stackable: Whether the parameters of all edges of this family may be stored as one array with a leading axis.
         needs_time: Whether the edge reads the epoch of the state.
         is_prescribed: Whether the state holds a motion for the edge.
         is_attachable: Whether the state says what the child hangs on.
-        curved: Whether ``integrate``, ``difference``, ``random`` or ``project`` is more than plain arithmetic on coordinates.
+        is_manifold: Whether ``integrate``, ``difference``, ``random`` or ``project`` is more than plain arithmetic on coordinates.
     """
 
     nq: ClassVar[int] = 0
     nv: ClassVar[int] = 0
-    curved: ClassVar[bool] = False
-    stacks: ClassVar[bool] = True
+    is_manifold: ClassVar[bool] = False
+    stackable: ClassVar[bool] = True
     needs_time: ClassVar[bool] = False
     is_prescribed: ClassVar[bool] = False
     is_attachable: ClassVar[bool] = False
     _parameter_fields: ClassVar[tuple[str, ...]] = ()
+    _takes_fields: ClassVar[bool] = False
 
     @property
     def supports_accelerations(self) -> bool:
@@ -76,7 +79,7 @@ class Edge:
 
     @property
     def state_size(self) -> int:
-        """How many numbers of a state say where the child is: coordinates, or the seven of a stored pose."""
+        """How many numbers of a state say where the child is: coordinates, or the seven of a pose."""
         return 7 if self.is_prescribed or self.is_attachable else self.nq
 
     @property
@@ -193,7 +196,7 @@ class Edge:
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with the fields given replaced, taken as they are (values may be traced)."""
-        fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}  # pyright: ignore[reportArgumentType]
+        fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         unknown = sorted(set(changes) - set(fields))
         if unknown:
             raise EdgeError(f"{type(self).__name__} has no field {unknown[0]!r}.{suggest(unknown[0], fields)}")
@@ -216,13 +219,18 @@ def family(static: tuple[str, ...] = ()) -> Callable[[Family], Family]:
     Trees are put together again without the class's constructor, so a constructor may validate and normalise what a user
     gives, while transformations may put anything into the leaves.
 
+    A constructor that the class has, of its own or from its bases, stays; without one, it takes the fields in order. A class that
+    shares fields with others inherits them; its own parameters come before those, as leaves of a tree.
+
     Args:
         static: Names of the fields that are not parameters; they must be hashable and equal by value.
     """
 
     def decorate(cls: Family) -> Family:
-        made = dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
-        data = tuple(f.name for f in dataclasses.fields(made) if f.name not in static)
+        plain = _has_no_constructor(cls)
+        made = dataclasses.dataclass(frozen=True, eq=False, repr=False, init=plain)(cls)
+        made._takes_fields = plain
+        data = _parameter_fields(made, static)
         made._parameter_fields = data
         keys = tuple(map(jax.tree_util.GetAttrKey, data))
         parts, facts = _getter(data), _getter(static)
@@ -240,6 +248,19 @@ def family(static: tuple[str, ...] = ()) -> Callable[[Family], Family]:
         return made
 
     return decorate
+
+
+def _has_no_constructor(cls: type) -> bool:
+    """Whether neither a family nor a base of it has a constructor that somebody wrote."""
+    first = next(base for base in cls.__mro__ if "__init__" in vars(base))
+    return first is object or vars(first).get("_takes_fields", False)
+
+
+def _parameter_fields(cls: Any, static: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names of the fields that are parameters, those of the class before those that it inherits."""
+    own = [inspect.get_annotations(base) for base in cls.__mro__]
+    names = [f.name for f in dataclasses.fields(cls) if f.name not in static]
+    return tuple(sorted(names, key=lambda name: next(i for i, fields in enumerate(own) if name in fields)))
 
 
 def _getter(names: tuple[str, ...]) -> Callable[[Any], tuple[Any, ...]]:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import jax
@@ -11,7 +12,7 @@ from jaxframes.edges.base import KEPT, Inputs, family
 from jaxframes.edges.joint import AxisJoint, Joint, coordinate, unit_axis
 from jaxframes.errors import EdgeError
 from jaxframes.numerics.components import V3
-from jaxframes.numerics.steps import Slide, Step, Turn
+from jaxframes.numerics.steps import RotationStep, Step, TranslationStep
 from jaxframes.spatial import Transform
 from jaxframes.staging.arrays import unit
 from jaxframes.staging.columns import parameters
@@ -19,8 +20,9 @@ from jaxframes.staging.columns import parameters
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
+@dataclass(frozen=True, eq=False, repr=False, init=False)
 class Compound(Joint):
-    """Turns and slides along fixed axes, each in the axes that the ones before it have turned.
+    """Rotations about and translations along fixed axes, each in the axes that the ones before it have turned.
 
     Attributes:
         turning: For each coordinate, whether it turns (else slides).
@@ -45,7 +47,7 @@ class Compound(Joint):
         if len(given) != self.nq:
             raise EdgeError(f"{type(self).__name__}(axes=...) takes {self.nq} axes, found {len(given)}: {axes!r}")
         object.__setattr__(self, "axes", tuple(unit_axis(axis) for axis in given))
-        self._share(placement, limits, velocity_limits, effort_limits, active)
+        super().__init__(placement, limits, velocity_limits, effort_limits, active)
 
     def normalized(self) -> Self:
         return super().normalized().replace(axes=tuple(map(unit, self.axes)))
@@ -61,7 +63,7 @@ class Compound(Joint):
         placed = self._placed(inputs)
         for i, (turns, axis) in enumerate(zip(self.turning, self.axes, strict=True)):
             direction, value = V3(*parameters(axis, inputs.batch_rank)), coordinate(inputs, i)
-            found.append(Turn(direction, value, **placed) if turns else Slide(direction, value, **placed))
+            found.append(RotationStep(direction, value, **placed) if turns else TranslationStep(direction, value, **placed))
             placed = {}
         return tuple(found)
 
@@ -83,14 +85,6 @@ class Universal(Compound):
     nv: ClassVar[int] = 2
     turning = (True, True)
     standard = (X, Y)
-    axes: tuple[jax.Array, ...]
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = Compound.__init__
 
 
 @family(static=KEPT)
@@ -113,14 +107,6 @@ class Spherical(Compound):
     nv: ClassVar[int] = 3
     turning = (True, True, True)
     standard = (X, Y, Z)
-    axes: tuple[jax.Array, ...]
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = Compound.__init__
 
 
 @family(static=KEPT)
@@ -140,14 +126,6 @@ class PrismaticSpherical(Compound):
     nv: ClassVar[int] = 4
     turning = (True, True, True, False)
     standard = (X, Y, Z, Z)
-    axes: tuple[jax.Array, ...]
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = Compound.__init__
 
 
 @family(static=KEPT)
@@ -167,14 +145,6 @@ class PrismaticUniversal(Compound):
     nv: ClassVar[int] = 3
     turning = (True, True, False)
     standard = (X, Y, Z)
-    axes: tuple[jax.Array, ...]
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = Compound.__init__
 
 
 @family(static=KEPT)
@@ -197,14 +167,6 @@ class Planar(AxisJoint):
 
     nq: ClassVar[int] = 3
     nv: ClassVar[int] = 3
-    axis: jax.Array
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = AxisJoint.__init__
 
     def angles(self) -> tuple[bool, ...]:
         return (False, False, True)
@@ -212,8 +174,8 @@ class Planar(AxisJoint):
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         n = V3(*parameters(self.axis, inputs.batch_rank))
         u, v = plane_axes(n)
-        first = Slide(u, coordinate(inputs, 0), **self._placed(inputs))
-        return first, Slide(v, coordinate(inputs, 1)), Turn(n, coordinate(inputs, 2))
+        first = TranslationStep(u, coordinate(inputs, 0), **self._placed(inputs))
+        return first, TranslationStep(v, coordinate(inputs, 1)), RotationStep(n, coordinate(inputs, 2))
 
 
 def plane_axes(n: V3) -> tuple[V3, V3]:

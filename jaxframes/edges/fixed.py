@@ -1,6 +1,6 @@
-"""Edges without coordinates: fixed mounts, and motions prescribed by the state."""
+"""Fixed mounts, and the poses that edges of other families hold."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 from jaxframes.edges.base import Edge, Inputs, family
 from jaxframes.errors import EdgeError
@@ -45,34 +45,3 @@ class Fixed(Edge):
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         rotation, translation = placement_components(self.transform, inputs.batch_rank)
         return (Rigid(rotation, translation),)
-
-
-@family(static=("accelerations",))
-class Prescribed(Edge):
-    """A motion that the caller supplies in the state: pose, velocity and acceleration, three independent inputs.
-
-    It starts at the identity and at rest; ``tree.set_motion`` gives it values. Nothing checks that they are consistent.
-
-    Attributes:
-        accelerations: Whether accelerations of chains through this edge may be asked for.
-    """
-
-    stacks: ClassVar[bool] = True
-    is_prescribed: ClassVar[bool] = True
-    accelerations: bool
-
-    def __init__(self, supports_accelerations: bool = True):
-        if not isinstance(supports_accelerations, bool):
-            raise EdgeError(f"Prescribed(supports_accelerations=...) takes True or False, not {supports_accelerations!r}")
-        object.__setattr__(self, "accelerations", supports_accelerations)
-
-    @property
-    def supports_accelerations(self) -> bool:
-        return self.accelerations
-
-    def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        assert inputs.prescribed is not None
-        return (inputs.prescribed,)
-
-    def describe(self) -> str:
-        return "prescribed" if self.accelerations else "prescribed, no accelerations"

@@ -27,10 +27,10 @@ def _rotation(q: jax.Array) -> Rotation:
 class QuaternionJoint(Joint):
     """What the two share: no limits, and a unit quaternion in the first four coordinates."""
 
-    curved: ClassVar[bool] = True
+    is_manifold: ClassVar[bool] = True
 
     def __init__(self, placement: Transform | None = None, velocity_limits: Any = None, effort_limits: Any = None, active: bool = True):
-        self._share(placement, None, velocity_limits, effort_limits, active)
+        super().__init__(placement, None, velocity_limits, effort_limits, active)
 
     def neutral(self) -> tuple[float, ...]:
         return (1.0,) + (0.0,) * (self.nq - 1)
@@ -64,13 +64,6 @@ class Ball(QuaternionJoint):
 
     nq: ClassVar[int] = 4
     nv: ClassVar[int] = 3
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = QuaternionJoint.__init__
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         rotation, translation = placement_components(self.placement, inputs.batch_rank)
@@ -111,13 +104,6 @@ class Free(QuaternionJoint):
 
     nq: ClassVar[int] = 7
     nv: ClassVar[int] = 6
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = QuaternionJoint.__init__
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         rotation, translation = placement_components(self.placement, inputs.batch_rank)

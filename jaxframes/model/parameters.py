@@ -97,7 +97,7 @@ class Parameters(Structure):
         return self.held("batch_shape", self._batch_shape)
 
     def _batch_shape(self) -> tuple[int, ...]:
-        leaves = jax.tree.leaves([edge for edge in self.distinct_edges if edge.stacks])
+        leaves = jax.tree.leaves([edge for edge in self.distinct_edges if edge.stackable])
         return np.broadcast_shapes(*{np.shape(leaf)[:-1] for leaf in leaves})
 
     def with_edge(self, name: str, edge: Edge) -> Self:

@@ -32,7 +32,7 @@ MODES = ("smooth", "spice")
 class Attitude(Table):
     """What tables of attitudes share. In a gap everything is NaN, gradients included, and the coverage code is +1: after the data."""
 
-    stacks: ClassVar[bool] = False
+    stackable: ClassVar[bool] = False
 
     @property
     def other_bytes(self) -> int:

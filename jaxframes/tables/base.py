@@ -34,7 +34,7 @@ class Table(Edge):
         by_record: Names of the fields beside the record tables that hold a row for each record.
     """
 
-    stacks: ClassVar[bool] = False
+    stackable: ClassVar[bool] = False
     needs_time: ClassVar[bool] = True
     by_record: ClassVar[tuple[str, ...]] = ()
     record_tables: tuple[RecordTable, ...]

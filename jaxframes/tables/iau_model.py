@@ -59,7 +59,7 @@ class IauOrientation(Edge):
         >>> wxyz, angular_velocity, angular_acceleration = mars.evaluate(jf.Epoch.from_tdb("2026-03-01"))
     """
 
-    stacks: ClassVar[bool] = False
+    stackable: ClassVar[bool] = False
     needs_time: ClassVar[bool] = True
     polynomials: jax.Array
     phases: jax.Array

@@ -9,7 +9,7 @@ from jaxframes.edges.base import Inputs, family
 from jaxframes.numerics.components import V3, Quat
 from jaxframes.numerics.packed import Kind, Packed
 from jaxframes.numerics.path_motion import extend, made
-from jaxframes.numerics.steps import Coordinate, Step, Turn
+from jaxframes.numerics.steps import Coordinate, RotationStep, Step
 from jaxframes.staging.columns import parameters
 from jaxframes.tables import evaluate
 from jaxframes.tables.base import Table, checked_order, triples, two_parts
@@ -58,7 +58,7 @@ def euler_steps(placement: Quat, angles: tuple[V3, ...]) -> tuple[Step, ...]:
     """Return the three rotations that Euler angles (phi, theta, psi) with their derivatives stand for."""
     phi, theta, psi = (Coordinate(*parts) for parts in zip(*angles, strict=True))
     x, z = V3(1.0, 0.0, 0.0), V3(0.0, 0.0, 1.0)
-    return Turn(z, phi, rotation=placement), Turn(x, theta), Turn(z, psi)
+    return RotationStep(z, phi, rotation=placement), RotationStep(x, theta), RotationStep(z, psi)
 
 
 @functools.partial(jax.jit, static_argnums=0)
