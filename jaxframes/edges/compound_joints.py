@@ -8,14 +8,13 @@ from typing import Any, ClassVar, Self
 import jax
 import jax.numpy as jnp
 
-from jaxframes.edges.base import KEPT, Inputs, family
-from jaxframes.edges.joint import AxisJoint, Joint, coordinate, unit_axis
+from jaxframes.edges.base import Inputs
+from jaxframes.edges.joint import AxisJoint, Joint, coordinate, joint_family, unit_axis
 from jaxframes.errors import EdgeError
 from jaxframes.numerics.components import V3
 from jaxframes.numerics.steps import RotationStep, Step, TranslationStep
 from jaxframes.spatial import Transform
 from jaxframes.staging.arrays import unit
-from jaxframes.staging.columns import parameters
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -62,13 +61,13 @@ class Compound(Joint):
         found: list[Step] = []
         placed = self._placed(inputs)
         for i, (turns, axis) in enumerate(zip(self.turning, self.axes, strict=True)):
-            direction, value = V3(*parameters(axis, inputs.batch_rank)), coordinate(inputs, i)
+            direction, value = V3(*inputs.components(axis)), coordinate(inputs, i)
             found.append(RotationStep(direction, value, **placed) if turns else TranslationStep(direction, value, **placed))
             placed = {}
         return tuple(found)
 
 
-@family(static=KEPT)
+@joint_family("universal")
 class Universal(Compound):
     """Two turns: ``parent_T_child = placement @ Rx(q0) @ Ry(q1)``, as RobWork's UniversalJoint, or about two other axes.
 
@@ -87,7 +86,7 @@ class Universal(Compound):
     standard = (X, Y)
 
 
-@family(static=KEPT)
+@joint_family("spherical")
 class Spherical(Compound):
     """Three turns: ``parent_T_child = placement @ Rx(q0) @ Ry(q1) @ Rz(q2)``, as RobWork's SphericalJoint.
 
@@ -109,7 +108,7 @@ class Spherical(Compound):
     standard = (X, Y, Z)
 
 
-@family(static=KEPT)
+@joint_family("prismatic_spherical")
 class PrismaticSpherical(Compound):
     """Three turns and a slide: ``placement @ Rx(q0) @ Ry(q1) @ Rz(q2) @ Tz(q3)``, as RobWork's PrismaticSphericalJoint.
 
@@ -128,7 +127,7 @@ class PrismaticSpherical(Compound):
     standard = (X, Y, Z, Z)
 
 
-@family(static=KEPT)
+@joint_family("prismatic_universal")
 class PrismaticUniversal(Compound):
     """Two turns and a slide: ``placement @ Rx(q0) @ Ry(q1) @ Tz(q2)``, as RobWork's PrismaticUniversalJoint.
 
@@ -147,7 +146,7 @@ class PrismaticUniversal(Compound):
     standard = (X, Y, Z)
 
 
-@family(static=KEPT)
+@joint_family("planar")
 class Planar(AxisJoint):
     """Motion in the plane across an axis n: ``placement @ Trans(q0 u + q1 v) @ Rot(n, q2)``, (m, m, rad).
 
@@ -172,7 +171,7 @@ class Planar(AxisJoint):
         return (False, False, True)
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        n = V3(*parameters(self.axis, inputs.batch_rank))
+        n = V3(*inputs.components(self.axis))
         u, v = plane_axes(n)
         first = TranslationStep(u, coordinate(inputs, 0), **self._placed(inputs))
         return first, TranslationStep(v, coordinate(inputs, 1)), RotationStep(n, coordinate(inputs, 2))

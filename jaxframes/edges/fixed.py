@@ -2,13 +2,12 @@
 
 from typing import Any
 
-from jaxframes.edges.base import Edge, Inputs, family
+from jaxframes.edges.base import Edge, Inputs
+from jaxframes.edges.family import family
 from jaxframes.errors import EdgeError
-from jaxframes.numerics.components import V3, Quat
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
 from jaxframes.spatial import Transform
-from jaxframes.staging.columns import parameters
 
 
 def checked_pose(pose: Any, family_name: str) -> Transform:
@@ -20,12 +19,7 @@ def checked_pose(pose: Any, family_name: str) -> Transform:
     return pose
 
 
-def placement_components(transform: Transform, batch_rank: int) -> tuple[Quat, V3]:
-    """Return the rotation and translation of a parameter as components."""
-    return Quat(*parameters(transform.rotation.wxyz, batch_rank)), V3(*parameters(transform.translation, batch_rank))
-
-
-@family()
+@family(name="fixed")
 class Fixed(Edge):
     """A rigid mount: the child stays where the transform puts it.
 
@@ -43,5 +37,5 @@ class Fixed(Edge):
         object.__setattr__(self, "transform", checked_pose(transform, "Fixed"))
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        rotation, translation = placement_components(self.transform, inputs.batch_rank)
+        rotation, translation = inputs.pose(self.transform)
         return (Rigid(rotation, translation),)

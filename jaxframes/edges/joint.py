@@ -1,20 +1,28 @@
 """What all joints share: a placement before the motion, limits, how a user's axes and limits are checked; and virtual joints."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import jax
 import numpy as np
 
-from jaxframes.edges.base import KEPT, Edge, Inputs, family
-from jaxframes.edges.fixed import placement_components
+from jaxframes.edges.base import Edge, Inputs
+from jaxframes.edges.family import Family, family
 from jaxframes.errors import EdgeError
 from jaxframes.numerics.components import V3, Component, mul
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Coordinate, Step
 from jaxframes.spatial import Transform
 from jaxframes.staging.arrays import as_float, is_concrete, unit
-from jaxframes.staging.columns import parameters
+
+KEPT = ("active", "limits", "velocity_limits", "effort_limits")
+"""Static fields of joints that no query reads."""
+
+
+def joint_family(name: str, static: tuple[str, ...] = ()) -> Callable[[Family], Family]:
+    """Return the decorator of a joint family: its name in files, and its static fields beside those that all joints have."""
+    return family(static=(*KEPT, *static), name=name)
 
 
 def unit_axis(axis: Any) -> jax.Array:
@@ -129,6 +137,11 @@ class Joint(Edge):
         """Return the lower and upper bounds [nq]."""
         return np.asarray(self.limits[: self.nq]), np.asarray(self.limits[self.nq :])
 
+    def arguments(self) -> dict[str, Any]:
+        """Return what the constructor takes; limits as (lower, upper), each a number or one for each coordinate."""
+        lower, upper = self.limits[: self.nq], self.limits[self.nq :]
+        return {**super().arguments(), "limits": self.limits if self.nq == 1 else (lower, upper)}
+
     def checked_fact(self, name: str, value: Any) -> Any:
         if name == "limits":
             return as_bounds(value, self.nq)
@@ -140,7 +153,7 @@ class Joint(Edge):
         return self.replace(**dict.fromkeys(KEPT))
 
     def _placed(self, inputs: Inputs) -> dict[str, Any]:
-        rotation, translation = placement_components(self.placement, inputs.batch_rank)
+        rotation, translation = inputs.pose(self.placement)
         return {"rotation": rotation, "translation": translation}
 
 
@@ -188,10 +201,10 @@ class AxisJoint(Joint):
         return f"{name} {word}" + " ({:.3g}, {:.3g}, {:.3g})".format(*np.asarray(self.axis, float))
 
     def _parts(self, inputs: Inputs) -> dict[str, Any]:
-        return {"axis": V3(*parameters(self.axis, inputs.batch_rank)), **self._placed(inputs)}
+        return {"axis": V3(*inputs.components(self.axis)), **self._placed(inputs)}
 
 
-@family(static=(*KEPT, "count"))
+@joint_family("virtual", static=("count",))
 class Virtual(Joint):
     """A joint that keeps coordinates and moves nothing: ``parent_T_child = placement``, as RobWork's VirtualJoint.
 
@@ -239,7 +252,7 @@ class Virtual(Joint):
         return (False,) * self.count
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        return (Rigid(*placement_components(self.placement, inputs.batch_rank)),)
+        return (Rigid(*inputs.pose(self.placement)),)
 
     def describe(self) -> str:
         return f"virtual, {self.count} numbers"

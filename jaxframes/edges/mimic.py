@@ -5,7 +5,8 @@ from typing import Any, ClassVar
 
 import jax
 
-from jaxframes.edges.base import Edge, Inputs, family
+from jaxframes.edges.base import Edge, Inputs
+from jaxframes.edges.family import family
 from jaxframes.edges.joint import one_number
 from jaxframes.errors import EdgeError, TopologyError, UnknownJointError, suggest
 from jaxframes.numerics.components import Component, add, mul
@@ -16,7 +17,7 @@ from jaxframes.staging.columns import parameters
 Row = tuple[Component, ...]
 
 
-@family(static=("joint", "coordinate"))
+@family(static=("joint", "coordinate"), name="mimic")
 class Mimic(Edge):
     """A joint whose coordinates follow those of another one: ``q = multiplier * q_of_joint + offset``.
 
@@ -57,6 +58,8 @@ class Mimic(Edge):
         if not edge.nq or edge.nq != edge.nv or (edge.is_manifold and edge.nq > 1):
             why = "it has no coordinates" if not edge.nq else "a quaternion cannot be scaled"
             raise EdgeError(f"a joint that is {edge.describe()} cannot follow {joint!r}: {why}")
+        if edge.needs_time:
+            raise EdgeError(f"a joint that is {edge.describe()} cannot follow {joint!r}: it reads the time")
         if not isinstance(coordinate, int) or coordinate < 0:
             raise EdgeError(f"Mimic(coordinate=...) takes 0 or more, found {coordinate!r}")
         for name, value in (

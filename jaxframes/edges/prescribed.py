@@ -1,8 +1,9 @@
 """Edges whose motion the state holds: prescribed motions and movable frames."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from jaxframes.edges.base import Edge, Inputs, family
+from jaxframes.edges.base import Edge, Inputs
+from jaxframes.edges.family import family
 from jaxframes.edges.fixed import checked_pose
 from jaxframes.errors import EdgeError
 from jaxframes.numerics.steps import Step
@@ -19,7 +20,7 @@ class HeldByState(Edge):
         return (inputs.prescribed,)
 
 
-@family(static=("accelerations",))
+@family(static=("accelerations",), name="prescribed")
 class Prescribed(HeldByState):
     """A motion that the caller supplies in the state: pose, velocity and acceleration, three independent inputs.
 
@@ -36,6 +37,9 @@ class Prescribed(HeldByState):
             raise EdgeError(f"Prescribed(supports_accelerations=...) takes True or False, not {supports_accelerations!r}")
         object.__setattr__(self, "accelerations", supports_accelerations)
 
+    def arguments(self) -> dict[str, Any]:
+        return {"supports_accelerations": self.accelerations}
+
     @property
     def supports_accelerations(self) -> bool:
         return self.accelerations
@@ -44,7 +48,7 @@ class Prescribed(HeldByState):
         return "prescribed" if self.accelerations else "prescribed, no accelerations"
 
 
-@family()
+@family(name="movable")
 class Movable(HeldByState):
     """A frame that is put somewhere: RobWork's MovableFrame. The state holds its pose in its parent; it starts at ``pose``.
 

@@ -81,7 +81,7 @@ def differs(new: Edge, old: Edge) -> str:
     if type(new) is not type(old):
         return "it is of another family; build another tree"
     ours, theirs = new.bare(), old.bare()
-    for name in (f.name for f in dataclasses.fields(ours) if f.name not in ours.parameter_fields()):  # pyright: ignore[reportArgumentType]
+    for name in (f.name for f in dataclasses.fields(ours) if f.name not in ours.parameter_fields()):
         a, b = getattr(ours, name), getattr(theirs, name)
         if a != b:
             return f"its {name} is {a!r} instead of {b!r}, and programs are compiled for that; build another tree"

@@ -8,7 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.edges.base import Inputs, family
+from jaxframes.edges.base import Inputs
+from jaxframes.edges.family import family
 from jaxframes.errors import MissingInputError
 from jaxframes.numerics.components import V3, Component, Quat, cross, dot, quat_mul, rotate, select
 from jaxframes.numerics.rigid import Rigid

@@ -8,7 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.edges.base import Edge, Inputs, family
+from jaxframes.edges.base import Edge, Inputs
+from jaxframes.edges.family import family
 from jaxframes.errors import EdgeError, MissingInputError
 from jaxframes.numerics.components import V3, Component
 from jaxframes.numerics.steps import Step
@@ -62,7 +63,7 @@ class Table(Edge):
 
     def kind(self) -> Hashable:
         """Return what tables have in common that are evaluated as one, whatever the number of their records."""
-        own = tuple(getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in (*self.parameter_fields(), "info"))  # pyright: ignore[reportArgumentType]
+        own = tuple(getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in (*self.parameter_fields(), "info"))
         record_tables = tuple(
             (records.series, records.rows.shape[-1], records.rows.dtype.name, records.first is None, records.low is None)
             for records in self.record_tables
@@ -139,7 +140,7 @@ def _pooled(tables: Sequence[Table]) -> TablePool:
             parts[name] = tuple(concatenated(record_tables) for record_tables in zip(*values, strict=True))
         else:
             parts[name] = concatenated_arrays(values) if name in first.by_record else stacked_arrays(values)
-    return TablePool(first.replace(**parts), tuple(table.info for table in tables))  # pyright: ignore[reportCallIssue]
+    return TablePool(first.replace(**parts), tuple(table.info for table in tables))
 
 
 def _recast_pairs(values: Any, dtype: Any) -> Any:

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.edges.base import family
+from jaxframes.edges.family import family
 from jaxframes.edges.fixed import Fixed
 from jaxframes.spatial import Rotation, Transform
 from jaxframes.staging.arrays import default_float

@@ -7,7 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.edges.base import Edge, Inputs, family
+from jaxframes.edges.base import Edge, Inputs
+from jaxframes.edges.family import family
 from jaxframes.errors import MissingInputError
 from jaxframes.numerics.components import V3, Component, Quat, add, add_all, mul, neg
 from jaxframes.numerics.packed import Kind
@@ -125,7 +126,7 @@ class IauOrientation(Edge):
         for name in PAIRED:
             made[name] = np.stack(split(arrays[name][..., 0], arrays[name][..., 1], dtype), -1)
         fields: dict[str, Any] = {name: jnp.asarray(array) for name, array in made.items()}
-        return cls(**fields, **{"info": info})
+        return cls(**fields, info=info)
 
     def _angles(self, hi: Component, lo: Component, order: int) -> list[Component]:
         """Return phi, theta and psi, then their first and second derivatives, rad and seconds."""
