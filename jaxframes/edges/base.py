@@ -152,6 +152,10 @@ class Edge:
         """Return the edge with the names of frames and joints that it holds changed by a function; most hold none."""
         return self
 
+    def preceded_by(self, change: Transform) -> "Edge | None":
+        """Return the edge whose child lies at ``change @`` where this one puts it; None for a family that cannot say so."""
+        return None
+
     def limits_of(self) -> tuple[Any, Any] | None:
         """Return the lower and upper bounds of the coordinates, NumPy arrays [nq] each, or None where there are none."""
         return None

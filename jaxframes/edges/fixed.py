@@ -1,6 +1,6 @@
 """Fixed mounts, and the poses that edges of other families hold."""
 
-from typing import Any
+from typing import Any, Self
 
 from jaxframes.edges.base import Edge, Inputs
 from jaxframes.edges.family import family
@@ -35,6 +35,9 @@ class Fixed(Edge):
 
     def __init__(self, transform: Transform | None = None):
         object.__setattr__(self, "transform", checked_pose(transform, "Fixed"))
+
+    def preceded_by(self, change: Transform) -> Self:
+        return self.replace(transform=change @ self.transform)
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         rotation, translation = inputs.pose(self.transform)

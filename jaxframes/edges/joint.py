@@ -149,6 +149,9 @@ class Joint(Edge):
             return as_magnitude_limits(value, self.nv, name.removesuffix("_limits"))
         return super().checked_fact(name, value)
 
+    def preceded_by(self, change: Transform) -> Self:
+        return self.replace(placement=change @ self.placement)
+
     def bare(self) -> Edge:
         return self.replace(**dict.fromkeys(KEPT))
 

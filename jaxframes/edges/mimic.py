@@ -7,7 +7,7 @@ import jax
 
 from jaxframes.edges.base import Edge, Inputs
 from jaxframes.edges.family import family
-from jaxframes.edges.joint import one_number
+from jaxframes.edges.joint import Joint, one_number
 from jaxframes.errors import EdgeError, TopologyError, UnknownJointError, suggest
 from jaxframes.numerics.components import Component, add, mul
 from jaxframes.numerics.steps import Step
@@ -75,7 +75,9 @@ class Mimic(Edge):
     @property
     def placement(self) -> Transform:
         """Pose of the joint in the parent where its own coordinates would be zero."""
-        return self.edge.placement  # pyright: ignore[reportAttributeAccessIssue]
+        if not isinstance(self.edge, Joint):
+            raise EdgeError(f"{self.edge.describe()} has no placement of its own to read")
+        return self.edge.placement
 
     @property
     def supports_accelerations(self) -> bool:
@@ -99,6 +101,10 @@ class Mimic(Edge):
         if "placement" in changes:
             changes["edge"] = changes.get("edge", self.edge).replace(placement=changes.pop("placement"))
         return super().replace(**changes)
+
+    def preceded_by(self, change: Transform) -> "Mimic | None":
+        moved = self.edge.preceded_by(change)
+        return None if moved is None else self.replace(edge=moved)
 
     def normalized(self) -> "Mimic":
         return self.replace(edge=self.edge.normalized())

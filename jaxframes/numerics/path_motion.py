@@ -192,6 +192,8 @@ class _Extension(Program):
             rest = iter(() if columns is None else take_apart(columns))
             for i, width in zip(own, widths, strict=True):
                 steps[i] = joined([next(rest) for _ in range(width)]).astype(arrays[i].dtype)
+                if full[i].shape != steps[i].shape:  # other numbers of the edge have batch axes
+                    full[i] = jnp.broadcast_to(full[i], steps[i].shape)
             made, moved = with_halves(part(*full), sin_cos), changes(part, full, steps)
             before = change_of(change) if change else NO_CHANGE
             return self.kind.packed_change(extended(unpacked(start), before, made, moved, self.kind.order)[1].groups)

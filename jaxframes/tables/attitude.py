@@ -63,7 +63,7 @@ class Attitude(Table):
         hi, lo = two_parts(time)
         code = evaluate.coverage_code(self.run, hi, lo)
         records = self.record_tables[0]
-        index = records.serving(*evaluate._local(self.run, jnp.asarray(hi), jnp.asarray(lo)))
+        index = records.serving(*evaluate.since_reference(self.run, jnp.asarray(hi), jnp.asarray(lo)))
         lengths = rows_at(records.rows, index)[..., -1]
         return select((code == 0) & jnp.isnan(lengths), np.int32(1), code)
 
@@ -92,7 +92,7 @@ def _knots(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, o
     def work(run: Run, hi: jax.Array, lo: jax.Array) -> jax.Array:
         run = run.opened(hi.ndim)
         (records,) = run.record_tables
-        dt_hi, dt_lo = evaluate._local(run, hi, lo)
+        dt_hi, dt_lo = evaluate.since_reference(run, hi, lo)
         row = jnp.moveaxis(rows_at(records.rows, records.serving(dt_hi, dt_lo)), -1, 0)
         length = row[-1]
         u = (((dt_hi - row[-3]) + (dt_lo - row[-2])) + _outside(run, dt_hi, dt_lo)) / length
@@ -113,7 +113,7 @@ def _series(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, 
     def work(run: Run, spins: jax.Array, hi: jax.Array, lo: jax.Array, values: Sequence[jax.Array]) -> jax.Array:
         run = run.opened(hi.ndim)
         (records,) = run.record_tables
-        dt_hi, dt_lo = evaluate._local(run, hi, lo)
+        dt_hi, dt_lo = evaluate.since_reference(run, hi, lo)
         index = records.serving(dt_hi, dt_lo)
         spin = jnp.moveaxis(rows_at(spins, index), -1, 0)
         times = jnp.moveaxis(rows_at(records.rows[..., -3:], index), -1, 0)
@@ -194,7 +194,7 @@ class CayleyTable(Attitude):
 
 
 def _outside(run: Run, dt_hi: jax.Array, dt_lo: jax.Array) -> jax.Array:
-    since, until = evaluate._margins(run, dt_hi, dt_lo)
+    since, until = evaluate.margins(run, dt_hi, dt_lo)
     return select((since >= 0) & (until >= 0), np.zeros((), dt_hi.dtype), np.array(np.nan, dt_hi.dtype))
 
 

@@ -20,11 +20,12 @@ from jaxframes.tables.info import Info
 from jaxframes.tables.pool import concatenated, concatenated_arrays, counts_of, single, stacked_arrays
 from jaxframes.tables.records import RecordTable, two_part_columns
 from jaxframes.tables.report import report
+from jaxframes.tables.table_edge import TableEdge
 from jaxframes.time import seconds
-from jaxframes.time.epoch import EPOCH
+from jaxframes.time.epoch import EPOCH, Epoch
 
 
-class Table(Edge):
+class Table(TableEdge):
     """What both kinds of table share. Time is an ``Epoch``; outside the coverage everything is NaN, gradients included.
 
     Attributes:
@@ -41,7 +42,6 @@ class Table(Edge):
     record_tables: tuple[RecordTable, ...]
     reference: jax.Array
     span: jax.Array
-    info: Info
 
     def astype(self, dtype: Any) -> Self:
         """Return a copy with numbers of another dtype; times, kept in two parts, lose no more than they must."""
@@ -179,6 +179,6 @@ def checked_order(order: int) -> int:
 
 def two_parts(time: Any) -> tuple[Any, Any]:
     """Return the parts of an ``Epoch``; plain seconds keep what one number cannot hold, and nothing else is taken (FrameError)."""
-    if hasattr(time, "hi"):
+    if isinstance(time, Epoch):
         return time.hi, time.lo
     return seconds.two_parts(time, None, EPOCH)

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.edges.base import Edge, Inputs
+from jaxframes.edges.base import Inputs
 from jaxframes.edges.family import family
 from jaxframes.errors import MissingInputError
 from jaxframes.numerics.components import V3, Component, Quat, add, add_all, mul, neg
@@ -24,6 +24,7 @@ from jaxframes.tables.evaluate import recast
 from jaxframes.tables.info import Info
 from jaxframes.tables.instants import split
 from jaxframes.tables.orientation import attitude_of, euler_steps
+from jaxframes.tables.table_edge import TableEdge
 
 CENTURY = 36525 * 86400.0
 """Seconds of a Julian century."""
@@ -32,7 +33,7 @@ PAIRED = ("polynomials", "phases", "reference")
 
 
 @family(static=("info",))
-class IauOrientation(Edge):
+class IauOrientation(TableEdge):
     """How a body-fixed frame is turned relative to an inertial one, by the analytic model of a text PCK: at every instant, without end.
 
     Made by ``Kernels.orientation`` or ``jf.spice.load``. Right ascension and declination of the pole and the angle of the prime

@@ -11,6 +11,7 @@ from jaxframes.edges.base import Edge
 from jaxframes.errors import CoverageError, DuplicateNameError, NoPathError, UnknownBodyError
 from jaxframes.tables.instants import span_text
 from jaxframes.tables.naif_ids import INERTIAL, J2000, labelled
+from jaxframes.tables.table_edge import TableEdge
 
 DEFAULT_FRAME = 999999
 """Asks for the default frame of a body, as None does; as a number or as text."""
@@ -124,7 +125,7 @@ def _check_span(builder: TreeInMaking, source: EdgeSource, name: str) -> None:
     at: str | None = name
     while at is not None:
         parent, edge = held[at]
-        info = getattr(edge, "info", None)
+        info = edge.info if isinstance(edge, TableEdge) else None
         if info is not None and info.start:
             have = Fraction(info.start), Fraction(info.stop)
             low, high = (end if asked is None else asked for asked, end in zip(source.asked, have, strict=True))
@@ -182,7 +183,7 @@ def spice_ids(builder: TreeInMaking, source: EdgeSource) -> dict[str, Key]:
         if BODY in facts and FRAME in facts:
             found[name] = int(facts[BODY]), int(facts[FRAME])
     for name, parent, edge, _ in frames:
-        info = getattr(edge, "info", None)
+        info = edge.info if isinstance(edge, TableEdge) else None
         if parent is None or info is None or info.kind != "translation" or info.axes not in INERTIAL:
             continue
         axes = INERTIAL.index(info.axes) + 1
@@ -192,7 +193,7 @@ def spice_ids(builder: TreeInMaking, source: EdgeSource) -> dict[str, Key]:
         with contextlib.suppress(NoPathError, UnknownBodyError):
             found[builder.root] = source.body(builder.root)[0], J2000
     for name, parent, edge, _ in frames:
-        info = getattr(edge, "info", None)
+        info = edge.info if isinstance(edge, TableEdge) else None
         if name in found or parent not in found or info is None or info.kind == "translation":
             continue
         if found[parent][1] == info.relative_id:

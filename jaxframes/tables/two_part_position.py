@@ -24,7 +24,7 @@ def position(run: Run, hi: Any, lo: Any) -> Two:
     hi, lo = evaluate.recast(hi, lo, run.record_tables[0].rows.dtype)
 
     def work(run: Run, hi: jax.Array, lo: jax.Array) -> Two:
-        dt = evaluate._local(run, hi, lo)
+        dt = evaluate.since_reference(run, hi, lo)
         totals = [functools.reduce(_add, parts) for parts in zip(*(_values(records, *dt) for records in run.record_tables), strict=True)]
         high, low = (assemble(tuple(t[k] for t in totals)) for k in (0, 1))
         return high, low
