@@ -61,7 +61,7 @@ def test_arrays_are_no_names():
             TREE.transform(TREE.state(), of=name, relative_to="world")
     with pytest.raises(UnknownFrameError, match="asked for by its name, found 2"):
         TREE.parent(2)
-    with pytest.raises(ShapeError, match=r"frame indices \(integers\), found float.*\[2\]$"):
+    with pytest.raises(ShapeError, match=r"frame indices \(integers\), found an array of float.*\[2\]$"):
         TREE.attach(TREE.state(), "box", jnp.array([0.0, 1.5]))
 
 
