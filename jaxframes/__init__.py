@@ -1,45 +1,77 @@
 """Reference frames for JAX: trees of robots, spacecraft and ephemerides as compiled, differentiable functions."""
 
-from jaxframes import edges as edges
-from jaxframes import spice as spice
-from jaxframes._version import __version__ as __version__
-from jaxframes.errors import FrameError as FrameError
-from jaxframes.io import interop as interop
-from jaxframes.io.json_tree import from_json as from_json
-from jaxframes.io.json_tree import to_json as to_json
-from jaxframes.io.mjcf import load_mjcf as load_mjcf
-from jaxframes.io.robots import example_robot as example_robot
-from jaxframes.io.robots import example_robots as example_robots
-from jaxframes.io.urdf import load_urdf as load_urdf
-from jaxframes.io.urdf_write import to_urdf as to_urdf
-from jaxframes.kinematics.apparent import ApparentState as ApparentState
-from jaxframes.model.state import Attachments as Attachments
-from jaxframes.spatial import Epoch as Epoch
-from jaxframes.spatial import Motion as Motion
-from jaxframes.spatial import Rotation as Rotation
-from jaxframes.spatial import SpatialAcceleration as SpatialAcceleration
-from jaxframes.spatial import SpatialVelocity as SpatialVelocity
-from jaxframes.spatial import Transform as Transform
-from jaxframes.spatial import Twist as Twist
-from jaxframes.spatial import Wrench as Wrench
-from jaxframes.spatial import add_delta as add_delta
-from jaxframes.spatial import allclose as allclose
-from jaxframes.spatial import concatenate as concatenate
-from jaxframes.spatial import cross as cross
-from jaxframes.spatial import diff as diff
-from jaxframes.spatial import dot as dot
-from jaxframes.spatial import equal as equal
-from jaxframes.spatial import integrate_body_first_order as integrate_body_first_order
-from jaxframes.spatial import norm as norm
-from jaxframes.spatial import normalize as normalize
-from jaxframes.spatial import phi as phi
-from jaxframes.spatial import stack as stack
-from jaxframes.time.scales import SHIPPED_LEAP_SECONDS as SHIPPED_LEAP_SECONDS
-from jaxframes.time.scales import LeapSeconds as LeapSeconds
-from jaxframes.tree import FrameTree as FrameTree
-from jaxframes.tree import State as State
-from jaxframes.tree import TreeBuilder as TreeBuilder
-from jaxframes.tree.chain import Chain as Chain
-from jaxframes.tree.text import DumpOptions as DumpOptions
-from jaxframes.view.export import to_dot as to_dot
-from jaxframes.view.export import to_mermaid as to_mermaid
+from jaxframes import edges, errors, spice, tables
+from jaxframes._version import __version__
+from jaxframes.errors import FrameError
+from jaxframes.io import interop
+from jaxframes.io.json_tree import from_json, to_json
+from jaxframes.io.mjcf import load_mjcf
+from jaxframes.io.robots import example_robot, example_robots
+from jaxframes.io.urdf import load_urdf
+from jaxframes.io.urdf_write import to_urdf
+from jaxframes.kinematics.apparent import ApparentState
+from jaxframes.model.state import Attachments, State
+from jaxframes.numerics.batch import concatenate, stack
+from jaxframes.spatial import (
+    Motion,
+    Rotation,
+    SpatialAcceleration,
+    SpatialVelocity,
+    Transform,
+    Twist,
+    Wrench,
+    allclose,
+    kdl,
+)
+from jaxframes.time.epoch import Epoch
+from jaxframes.time.scales import SHIPPED_LEAP_SECONDS, LeapSeconds
+from jaxframes.tree.builder import TreeBuilder
+from jaxframes.tree.chain import Chain
+from jaxframes.tree.frame_tree import FrameTree
+from jaxframes.tree.text import DumpOptions
+from jaxframes.view.export import to_dot, to_mermaid
+
+__all__ = [
+    "SHIPPED_LEAP_SECONDS",
+    "ApparentState",
+    "Attachments",
+    "Chain",
+    "DumpOptions",
+    "Epoch",
+    "FrameError",
+    "FrameTree",
+    "LeapSeconds",
+    "Motion",
+    "Rotation",
+    "SpatialAcceleration",
+    "SpatialVelocity",
+    "State",
+    "Transform",
+    "TreeBuilder",
+    "Twist",
+    "Wrench",
+    "__version__",
+    "allclose",
+    "concatenate",
+    "edges",
+    "errors",
+    "example_robot",
+    "example_robots",
+    "from_json",
+    "interop",
+    "kdl",
+    "load_mjcf",
+    "load_urdf",
+    "spice",
+    "stack",
+    "tables",
+    "to_dot",
+    "to_json",
+    "to_mermaid",
+    "to_urdf",
+]
+
+
+def __dir__() -> list[str]:
+    """The public names: packages inside are reached by their full path only."""
+    return __all__

@@ -4,6 +4,10 @@ import difflib
 from collections.abc import Iterable
 
 
+class FrameWarning(UserWarning):
+    """Something that is probably not meant; the message names the frame and says how to tell that it is."""
+
+
 class FrameError(Exception):
     """Base class of every error that jaxframes raises on purpose."""
 

@@ -247,3 +247,14 @@ def test_import_is_light_and_changes_nothing():
         assert done.returncode == 0, done.stderr
         costs.append(float(done.stdout))
     print(f"importing jaxframes costs {min(costs):.3f} s beyond jax")  # asked: 0.15 s; tests never assert on a clock
+
+
+def test_the_facade_shows_the_public_names_only():
+    import jaxframes
+
+    shown = dir(jaxframes)
+    assert shown == sorted(jaxframes.__all__)
+    rooms = {p.name for p in PACKAGE.iterdir() if p.is_dir()} | {p.stem for p in PACKAGE.glob("*.py")}
+    assert {name for name in shown if name in rooms} == {"edges", "errors", "spice", "tables"}
+    for name in shown:
+        assert getattr(jaxframes, name) is not None

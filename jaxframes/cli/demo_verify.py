@@ -8,6 +8,7 @@ import numpy as np
 
 from jaxframes import spice
 from jaxframes.cli.progress import progress
+from jaxframes.tables import TranslationTable
 
 KERNELS = ("de440", "leapseconds", "eop-high-prec")
 BOUNDS = {"m": 5e-4, "m/s": 1e-10, "rad": 1e-12, "rad/s": 1e-18}
@@ -34,7 +35,7 @@ def verify(epochs: int = 20_000) -> int:
             rows.append((name, table, spice.compare(kernels, table, times)))
     print(f"\n{'edge':8s} {'what':38s} {'worst difference':>18s} {'of at most':>12s} {'worst rate':>18s} {'of at most':>12s}")
     for name, table, worst in rows:
-        units = ("m", "m/s") if isinstance(table, spice.TranslationTable) else ("rad", "rad/s")
+        units = ("m", "m/s") if isinstance(table, TranslationTable) else ("rad", "rad/s")
         good = worst.value <= BOUNDS[units[0]] and worst.rate <= BOUNDS[units[1]]
         failed |= not good
         print(

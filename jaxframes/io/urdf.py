@@ -24,6 +24,7 @@ from jaxframes.errors import (
     suggest,
 )
 from jaxframes.io.xml_nodes import Node, facts, parse, read
+from jaxframes.numerics import host_quaternions
 from jaxframes.spatial import Rotation, Transform
 from jaxframes.tree import FrameTree, TreeBuilder
 
@@ -262,14 +263,7 @@ def _placement(joint: Node) -> Transform:
     node = joint.one("origin")
     zero = (0.0, 0.0, 0.0)
     xyz, rpy = (zero, zero) if node is None else (node.numbers("xyz", 3, zero), node.numbers("rpy", 3, zero))
-    return Transform(Rotation(quaternion_of(rpy)), np.array(xyz))  # pyright: ignore[reportArgumentType]
-
-
-def quaternion_of(rpy: tuple[float, ...]) -> Any:
-    """Return the quaternion wxyz [4] of Rz(yaw) Ry(pitch) Rx(roll)."""
-    (a, b, c), (r, s, t) = ([f(angle / 2) for angle in rpy] for f in (math.cos, math.sin))
-    wxyz = np.array([a * b * c + r * s * t, r * b * c - a * s * t, a * s * c + r * b * t, a * b * t - r * s * c])
-    return wxyz / np.linalg.norm(wxyz)
+    return Transform(Rotation(host_quaternions.from_rpy(rpy)), np.array(xyz))  # pyright: ignore[reportArgumentType]
 
 
 def _link_facts(link: Node) -> dict[str, Any]:

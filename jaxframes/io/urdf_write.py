@@ -10,7 +10,8 @@ import numpy as np
 from jaxframes import edges
 from jaxframes.edges.joint import AxisJoint, Joint
 from jaxframes.errors import FormatError
-from jaxframes.io.urdf import IN_LINK, KEPT_IN_JOINT, quaternion_of
+from jaxframes.io.urdf import IN_LINK, KEPT_IN_JOINT
+from jaxframes.numerics import host_quaternions
 from jaxframes.spatial import Transform
 from jaxframes.staging.arrays import is_concrete
 from jaxframes.tree import FrameTree
@@ -113,26 +114,9 @@ def _write_limits(joint: Any, kind: str, limits: tuple[float, ...]) -> None:
 def _origin(placement: Transform, written: Any, frame: str) -> tuple[Any, Any]:
     """Return xyz and rpy of a placement: the angles that it was loaded with where they still say the same."""
     wxyz, xyz = _known(placement.rotation.wxyz, frame), _known(placement.translation, frame)
-    if written is not None and np.array_equal(quaternion_of(written).astype(wxyz.dtype), wxyz):
+    if written is not None and np.array_equal(host_quaternions.from_rpy(written).astype(wxyz.dtype), wxyz):
         return xyz, written
-    return xyz, rpy_of(wxyz.astype(np.float64))
-
-
-def rpy_of(wxyz: Any) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw of a unit quaternion, accurate at a pitch of a quarter turn too.
-
-    Half angles by Bernardes and Viollet, "Quaternion to Euler angles conversion", PLOS ONE 17 (2022), for the order z-y-x.
-    """
-    w, x, y, z = (float(v) for v in wxyz)
-    a, b, c, d = w - y, x + z, y + w, z - x
-    pitch = 2.0 * math.atan2(math.hypot(c, d), math.hypot(a, b)) - math.pi / 2
-    half_sum, half_difference = math.atan2(b, a), math.atan2(d, c)
-    if math.hypot(a, b) < 1e-12:
-        return 0.0, pitch, 2.0 * half_difference
-    if math.hypot(c, d) < 1e-12:
-        return 0.0, pitch, 2.0 * half_sum
-    wrap = lambda angle: math.remainder(angle, 2.0 * math.pi)  # noqa: E731
-    return wrap(half_sum - half_difference), pitch, wrap(half_sum + half_difference)
+    return xyz, host_quaternions.to_rpy(wxyz.astype(np.float64))
 
 
 def _known(values: Any, frame: str) -> np.ndarray:

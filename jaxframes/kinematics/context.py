@@ -13,7 +13,7 @@ from jaxframes.edges.base import Edge, Inputs
 from jaxframes.edges.mimic import Mimic
 from jaxframes.errors import MissingInputError, NoAccelerationError, ShapeError
 from jaxframes.kinematics.arrays import motion_of
-from jaxframes.kinematics.edge_steps import AnySteps, EdgeSteps, GivenSteps, Kept, PathSteps, Reading, unit_twists
+from jaxframes.kinematics.edge_steps import AnySteps, EdgeSteps, PathSteps, PrecomputedSteps, Reading, StateColumns, unit_twists
 from jaxframes.model.families import float_dtype
 from jaxframes.model.state import State
 from jaxframes.model.structure import Structure
@@ -22,7 +22,7 @@ from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
 from jaxframes.spatial import Motion
 from jaxframes.staging.arrays import widest
-from jaxframes.staging.traced_inputs import Operands, Source
+from jaxframes.staging.traced_inputs import Operands, TracedInput
 
 JOINT_FIELDS: tuple[str, ...] = ("q", "qd", "qdd")
 
@@ -55,11 +55,11 @@ class Context:
         """How arrays are read."""
         return Reading(len(self.shape), np.dtype(self.dtype).name, self.order)
 
-    def source(self, frames: Sequence[int]) -> Source:
-        """Return the steps of the edges above frames, one after the other, as a source of whole arrays."""
+    def steps_of(self, frames: Sequence[int]) -> TracedInput:
+        """Return the steps of the edges above frames, one after the other, made of whole arrays where they are read."""
         operands = Operands()
         edges = self.edge_steps(frames, operands)
-        return Source(PathSteps(edges, self.reading), tuple(operands.arrays))
+        return TracedInput(PathSteps(edges, self.reading), tuple(operands.arrays))
 
     def edge_steps(self, frames: Sequence[int], operands: Operands, whole: bool = False) -> tuple[AnySteps, ...]:
         """Return the steps of the edges above frames as functions of arrays.
@@ -76,8 +76,8 @@ class Context:
 
     def _edge_steps(self, frame: int, operands: Operands, windows: Mapping[str, tuple[int, jax.Array]]) -> AnySteps:
         if self.tree.edge_of(frame).needs_time:
-            steps, twists = self._given_steps(frame)
-            return GivenSteps(operands.components(steps), operands.components(twists))
+            steps, twists = self._precomputed_steps(frame)
+            return PrecomputedSteps(operands.components(steps), operands.components(twists))
         driver, followers = frame, []
         while self.topology.sources[driver] >= 0:
             followers.append(operands.parts(self._read(driver)))
@@ -86,7 +86,7 @@ class Context:
         kept = []
         for kind, (start, array) in windows.items():
             first, count = (first_q, nq) if kind == "q" else (first_v, nv)
-            kept.append(Kept(operands.place(array) if count else 0, first - start, count))
+            kept.append(StateColumns(operands.place(array) if count else 0, first - start, count))
         row, held = self.topology.prescribed[frame], None
         if row >= 0:
             held = tuple(operands.place(leaf) for leaf in self._leaves(self.state.prescribed)), row
@@ -126,10 +126,10 @@ class Context:
                 f"the state holds prescribed motions of shape {found}, but this tree has {held}; make it with this tree.state(...)"
             )
 
-        loose, given = len(self.topology.attachables), state.attachments
-        if (0 if given is None else given.parents.shape[-1]) != loose:
+        attachable, given = len(self.topology.attachables), state.attachments
+        if (0 if given is None else given.parents.shape[-1]) != attachable:
             found = "none" if given is None else given.parents.shape[-1]
-            raise ShapeError(f"this tree has {loose} attachable frames, the state holds {found}; make it with this tree.state(...)")
+            raise ShapeError(f"this tree has {attachable} attachable frames, the state holds {found}; make it with this tree.state(...)")
 
     def _batch_shape(self, state: State) -> tuple[int, ...]:
         shapes = [values.shape[:-1] for values in (state.q, state.qd, state.qdd)]
@@ -150,7 +150,7 @@ class Context:
 
     def gathered(self, kind: str, columns: np.ndarray) -> jax.Array:
         """Return some columns of ``q``, ``qd`` or ``qdd`` as one component [*batch, n]."""
-        array = picked(self.reading.ranked(getattr(self.state, kind), 1), columns, -1)
+        array = take(self.reading.ranked(getattr(self.state, kind), 1), columns, -1)
         return lax.expand_dims(array, range(len(self.shape) + 1 - array.ndim))
 
     def attachment(self, row: int) -> tuple[jax.Array, Rigid]:
@@ -186,13 +186,13 @@ class Context:
         )
         return leaves[: 2 + 2 * self.order]
 
-    def _given_steps(self, frame: int) -> tuple[tuple[Step, ...], Any]:
+    def _precomputed_steps(self, frame: int) -> tuple[tuple[Step, ...], Any]:
         """Return the steps and unit twists of an edge that reads the time; they are worked out once, however often they are asked for."""
         if frame not in self._given:
             edge, operands = self.tree.edge_of(frame), Operands()
             first_q, nq, first_v, nv = self.topology.coordinates[frame]
             kept = tuple(
-                Kept(operands.place(getattr(self.state, kind)), *((first_q, nq) if kind == "q" else (first_v, nv)))
+                StateColumns(operands.place(getattr(self.state, kind)), *((first_q, nq) if kind == "q" else (first_v, nv)))
                 for kind in JOINT_FIELDS[: 1 + self.order]
             )
             own = EdgeSteps(operands.parts(self._read(frame)), kept, (nq, nv)).inputs(operands.arrays, self.reading)
@@ -200,7 +200,7 @@ class Context:
             self._given[frame] = edge.steps(inputs, self.order), unit_twists(edge, inputs) if nv else []
         return self._given[frame]
 
-    def together(self, group: int) -> Source:
+    def family_steps(self, group: int) -> TracedInput:
         """Return the steps of all edges of a family that reads the time and does not stack, each component [*batch, n_edges]."""
         members = self.topology.members[group]
         self.check(members[0])
@@ -214,11 +214,11 @@ class Context:
         hi, lo = (jnp.broadcast_to(part[..., None], (*part.shape, count)) for part in self.time)
         return hi, lo
 
-    def given_source(self, steps: tuple[Step, ...], reading: Reading) -> Source:
+    def given_source(self, steps: tuple[Step, ...], reading: Reading) -> TracedInput:
         """Return steps that were worked out before as a source, without unit twists."""
         operands = Operands()
-        given = GivenSteps(operands.components(steps), operands.components([]))
-        return Source(PathSteps((given,), reading), tuple(operands.arrays))
+        given = PrecomputedSteps(operands.components(steps), operands.components([]))
+        return TracedInput(PathSteps((given,), reading), tuple(operands.arrays))
 
     def fixed_steps(self, frame: int) -> tuple[Step, ...]:
         """Return the steps of a fixed edge, which reads nothing but its own numbers."""
@@ -245,7 +245,7 @@ class Context:
         return tuple(self.topology.coordinates[frame][2] + first + i for i in range(count))
 
 
-def picked(array: jax.Array, places: np.ndarray, axis: int) -> jax.Array:
+def take(array: jax.Array, places: np.ndarray, axis: int) -> jax.Array:
     """Return places along an axis: the array itself, a slice where they are evenly spaced, else a gather."""
     step = int(places[1] - places[0]) if len(places) > 1 else 1
     if step > 0 and np.all(np.diff(places) == step):

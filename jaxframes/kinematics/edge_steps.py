@@ -22,7 +22,7 @@ Row = tuple[Component, ...]
 
 
 @dataclass(frozen=True)
-class Kept:
+class StateColumns:
     """Which columns of an array that a state holds an edge reads: the array's place among inputs, the first column and their number."""
 
     place: int
@@ -56,7 +56,7 @@ class Reading:
         return jax.tree.map(lambda leaf: leaf.astype(self.dtype) if jnp.issubdtype(leaf.dtype, jnp.floating) else leaf, edge)
 
 
-class Opened(tuple):
+class Partitioned(tuple):
     """Arrays of which each is taken apart once, for all edges that read some of its columns."""
 
     def __init__(self, arrays: Sequence[jax.Array]):
@@ -69,11 +69,11 @@ class Opened(tuple):
         return self._apart[place]
 
 
-def columns(arrays: Sequence[jax.Array], kept: Kept, reading: Reading) -> Row:
+def columns(arrays: Sequence[jax.Array], kept: StateColumns, reading: Reading) -> Row:
     """Return the columns that an edge reads of an array that a state holds."""
     if not kept.count:
         return ()
-    if isinstance(arrays, Opened):
+    if isinstance(arrays, Partitioned):
         return arrays.columns(kept.place, reading)[kept.first : kept.first + kept.count]
     array = reading.ranked(arrays[kept.place], 1)
     return tuple(column(array, kept.first + i) for i in range(kept.count))
@@ -92,7 +92,7 @@ class EdgeSteps:
     """
 
     edge: Parts
-    kept: tuple[Kept, ...] = ()
+    kept: tuple[StateColumns, ...] = ()
     counts: tuple[int, int] = (0, 0)
     followers: tuple[Parts, ...] = ()
     held: tuple[tuple[int, ...], int] | None = None
@@ -148,7 +148,7 @@ class EdgeSteps:
 
 
 @dataclass(frozen=True)
-class GivenSteps:
+class PrecomputedSteps:
     """Steps of an edge that were worked out before, in stages of their own, as tables are.
 
     Attributes:
@@ -177,12 +177,12 @@ class GivenSteps:
         """Places of all arrays that it reads."""
         return self.made.places | self.twists.places
 
-    def moved(self, places: dict[int, int]) -> "GivenSteps":
+    def moved(self, places: dict[int, int]) -> "PrecomputedSteps":
         """Return the same with arrays at other places."""
-        return GivenSteps(self.made.moved(places), self.twists.moved(places))
+        return PrecomputedSteps(self.made.moved(places), self.twists.moved(places))
 
 
-AnySteps = EdgeSteps | GivenSteps
+AnySteps = EdgeSteps | PrecomputedSteps
 
 
 def unit_twists(edge: Edge, inputs: Inputs, scale: Component = 1.0) -> list[tuple[V3, V3]]:
@@ -203,7 +203,7 @@ class PathSteps(StepsRecipe):
 
     def __call__(self, *arrays: jax.Array) -> tuple[Step, ...]:
         """Return the steps."""
-        opened = Opened(arrays)
+        opened = Partitioned(arrays)
         return folded(step for edge in self.edges for step in edge.steps(opened, self.reading))
 
     @property

@@ -7,17 +7,17 @@ import jax
 import jax.numpy as jnp
 
 from jaxframes.kinematics.context import Context
-from jaxframes.kinematics.edge_steps import AnySteps, Opened, Reading
+from jaxframes.kinematics.edge_steps import AnySteps, Partitioned, Reading
 from jaxframes.numerics.components import V3, ZERO, Component, cross, quat_conj, quat_mul, rotate
 from jaxframes.numerics.packed import WIDEST, Packed, unpacked
 from jaxframes.numerics.path_motion import half_angles, has_angles, with_halves
-from jaxframes.numerics.programs import Program, computed
+from jaxframes.numerics.programs import StagedProgram, run_program
 from jaxframes.numerics.rigid import AT_REST, Rigid
 from jaxframes.numerics.steps import Step, append_all
 from jaxframes.numerics.trig import Half
 from jaxframes.staging.columns import assemble
 from jaxframes.staging.operation import Arrays
-from jaxframes.staging.sharding import stacked
+from jaxframes.staging.sharding import stack_arrays
 from jaxframes.staging.traced_inputs import Operands, outline
 
 
@@ -42,10 +42,10 @@ def jacobian(context: Context, of: int, relative_to: int, axes: Packed | None) -
     known = outline(recipe, operands.arrays)
     angles = has_angles(step for way in known for made, _ in way for step in made)
     program = _Jacobian(recipe, len(turned), context.shape, context.dtype, count, angles)
-    parts = computed(program, *turned, *operands.arrays)
+    parts = run_program(program, *turned, *operands.arrays)
     rows = [parts[i : i + len(program.spans)] for i in range(0, len(parts), len(program.spans))]
     whole = [row[0] if len(row) == 1 else jnp.concatenate(row, -1) for row in rows]
-    return stacked(whole, -2)
+    return stack_arrays(whole, -2)
 
 
 class _Edge(NamedTuple):
@@ -67,13 +67,13 @@ class _Parts:
     reading: Reading
 
     def __call__(self, *arrays: jax.Array) -> list[list[Made]]:
-        arrays = Opened(arrays)
+        arrays = Partitioned(arrays)
         made = lambda edge: (edge.steps.steps(arrays, self.reading), edge.steps.unit_twists(arrays, self.reading))  # noqa: E731
         return [[made(edge) for edge in way] for way in self.ways]
 
 
 @dataclass(frozen=True)
-class _Jacobian(Program):
+class _Jacobian(StagedProgram):
     """Six rows, each cut into spans of columns that are written by one loop.
 
     Attributes:
@@ -82,7 +82,7 @@ class _Jacobian(Program):
         shape: Batch shape.
         dtype: Dtype.
         count: How many rates there are.
-        has_angles: As in ``Program``.
+        has_angles: As in ``StagedProgram``.
     """
 
     parts: _Parts

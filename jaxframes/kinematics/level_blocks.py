@@ -17,7 +17,7 @@ from jaxframes.kinematics import levels
 from jaxframes.kinematics.arrays import halves
 from jaxframes.kinematics.batches import SIZES, BatchOperation
 from jaxframes.kinematics.context import Context
-from jaxframes.kinematics.tree_arguments import stacked
+from jaxframes.kinematics.tree_arguments import stacked_tree
 from jaxframes.staging.operation import Arrays, run, with_changes
 from jaxframes.staging.sharding import is_large, may_block
 
@@ -33,7 +33,7 @@ def all_frames(context: Context, observer: int) -> Arrays:
     Returns:
         Quaternion and translation; the two halves of the velocity; those of the acceleration.
     """
-    tree = stacked(context.tree)
+    tree = stacked_tree(context.tree)
     numbers, kind = jax.tree.flatten(tree)
     state, form = jax.tree.flatten(context.state)
     tails = jax.tree.leaves(jax.tree_util.tree_map_with_path(lambda path, _: TAIL[path[0].name], context.state))

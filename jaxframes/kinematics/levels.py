@@ -21,7 +21,7 @@ from jaxframes.edges.base import Inputs
 from jaxframes.edges.mimic import Mimic
 from jaxframes.kinematics import plan, pointer_doubling
 from jaxframes.kinematics.arrays import motion_of
-from jaxframes.kinematics.context import JOINT_FIELDS, Context, picked
+from jaxframes.kinematics.context import JOINT_FIELDS, Context, take
 from jaxframes.kinematics.edge_steps import EdgeSteps, Reading
 from jaxframes.kinematics.plan import by_level
 from jaxframes.model.state import State
@@ -30,7 +30,7 @@ from jaxframes.numerics.path_motion import StepsRecipe, extend
 from jaxframes.numerics.rigid import AT_REST, inverse
 from jaxframes.numerics.steps import Step
 from jaxframes.staging.stages import stage
-from jaxframes.staging.traced_inputs import Operands, Source
+from jaxframes.staging.traced_inputs import Operands, TracedInput
 
 
 def applies(context: Context) -> bool:
@@ -52,10 +52,10 @@ def all_frames(context: Context, observer: int) -> Packed:
     local = _local(context, turned, [others[level.frames] for level in stages.levels], deep=len(stages.starts) > 0)
     found = _gathered(_accumulated(context, local, stages), [level.frames for level in stages.levels])
     rest = _many(context, 1).packed(AT_REST)
-    return _joined([part for part in (_cut(found, 0, observer), rest, _cut(found, observer, len(others))) if part[0].shape[-2]])
+    return _levels_joined([part for part in (_cut(found, 0, observer), rest, _cut(found, observer, len(others))) if part[0].shape[-2]])
 
 
-def _accumulated(context: Context, local: Sequence[Packed | Source], stages: plan.Stages) -> list[Packed]:
+def _accumulated(context: Context, local: Sequence[Packed | TracedInput], stages: plan.Stages) -> list[Packed]:
     """Return the motions of frames relative to the observer, level by level.
 
     Args:
@@ -72,7 +72,7 @@ def _accumulated(context: Context, local: Sequence[Packed | Source], stages: pla
     ends = rows_of(done[-1], stages.starts)
     starts = _accumulated(context, [rows_of(ends, level.frames) for level in inner.levels], inner)
     rest = _many(context, 1).packed(AT_REST)
-    above = _joined([rest, _gathered(starts, [level.frames for level in inner.levels])])
+    above = _levels_joined([rest, _gathered(starts, [level.frames for level in inner.levels])])
     return [
         _composed(context, rows_of(above, level.start), here, len(level.frames)) for level, here in zip(stages.levels, done, strict=True)
     ]
@@ -83,13 +83,13 @@ def _many(context: Context, count: int) -> Kind:
     return Kind((*context.shape, count), context.dtype, context.order)
 
 
-def _composed(context: Context, parents: Packed, local: Packed | Source, count: int) -> Packed:
-    if not parents and not isinstance(local, Source):
+def _composed(context: Context, parents: Packed, local: Packed | TracedInput, count: int) -> Packed:
+    if not parents and not isinstance(local, TracedInput):
         return local
-    return extend(parents, local if isinstance(local, Source) else Source(Motions(), local), _many(context, count))
+    return extend(parents, local if isinstance(local, TracedInput) else TracedInput(Motions(), local), _many(context, count))
 
 
-def _local(context: Context, turned: tuple[int, ...], levels: Sequence[np.ndarray], deep: bool) -> Sequence[Packed | Source]:
+def _local(context: Context, turned: tuple[int, ...], levels: Sequence[np.ndarray], deep: bool) -> Sequence[Packed | TracedInput]:
     """Return the motions of each level's frames relative to the frames that they hang on, [*batch, n, k], or what they are made of.
 
     Args:
@@ -108,7 +108,7 @@ def _local(context: Context, turned: tuple[int, ...], levels: Sequence[np.ndarra
     if deep and (groups[wanted] == family).all() and context.topology.stacked[family] and not flipped.any():
         # Each level is worked out where it is composed, and nothing is written before (measured: three quarters of the time of a chain).
         # A shallow tree gains nothing by it and takes longer to compile.
-        return [_family_source(context, family, edge_of[frames].tolist()) for frames in levels]
+        return [_family_steps(context, family, edge_of[frames].tolist()) for frames in levels]
     parts, places = [], []
     for group in dict.fromkeys(groups[wanted].tolist()):
         at = np.flatnonzero(groups[wanted] == group)
@@ -116,7 +116,7 @@ def _local(context: Context, turned: tuple[int, ...], levels: Sequence[np.ndarra
         places.append(at)
     if flipped.any():
         at, whole = np.flatnonzero(flipped), np.argsort(np.concatenate(places))
-        edges = rows_of(_joined(parts), whole[at])
+        edges = rows_of(_levels_joined(parts), whole[at])
         places = [*places, at]
         parts.append(stage(lambda edges: _many(context, len(at)).packed(inverse(unpacked(edges), context.order)))(edges))
     rows = np.empty(len(wanted), int)
@@ -124,7 +124,7 @@ def _local(context: Context, turned: tuple[int, ...], levels: Sequence[np.ndarra
     for at in places:
         rows[at] = first + np.arange(len(at))
         first += len(at)
-    found, edges = rows_of(_joined(parts), rows), np.cumsum([0, *(len(frames) for frames in levels)])
+    found, edges = rows_of(_levels_joined(parts), rows), np.cumsum([0, *(len(frames) for frames in levels)])
     return [_cut(found, a, b) for a, b in itertools.pairwise(edges.tolist())]
 
 
@@ -135,14 +135,14 @@ def _family_motion(context: Context, group: int, frames: list[int]) -> Packed:
     if not context.topology.stacked[group]:
         members = context.topology.members[group]
         if len(members) == 1:
-            return tuple(array[..., None, :] for array in extend((), context.source(frames), context.kind))
-        found = extend((), context.together(group), _many(context, len(members)))
+            return tuple(array[..., None, :] for array in extend((), context.steps_of(frames), context.kind))
+        found = extend((), context.family_steps(group), _many(context, len(members)))
         return rows_of(found, np.array([context.topology.locations[frame][1] for frame in frames]))
-    return extend((), _family_source(context, group, frames), _many(context, len(frames)))
+    return extend((), _family_steps(context, group, frames), _many(context, len(frames)))
 
 
-def _family_source(context: Context, group: int, frames: list[int]) -> Source:
-    """Return the steps of edges of one family as one source, each component [*batch, n_edges]."""
+def _family_steps(context: Context, group: int, frames: list[int]) -> TracedInput:
+    """Return the steps of edges of one family as one traced input, each component [*batch, n_edges]."""
     context.check(frames[0])
     topology, operands = context.topology, Operands()
     edge = jax.tree.unflatten(topology.groups[group], context.tree.numbers(frames)).normalized()
@@ -152,7 +152,7 @@ def _family_source(context: Context, group: int, frames: list[int]) -> Source:
     if topology.prescribed[frames[0]] >= 0:
         rows = tuple(topology.prescribed[frame] for frame in frames)
         held = tuple(operands.place(leaf) for leaf in context.held_motions())
-        return Source(FamilySteps(topology.groups[group], numbers, (), (0, 0), (held, rows), reading), tuple(operands.arrays))
+        return TracedInput(FamilySteps(topology.groups[group], numbers, (), (0, 0), (held, rows), reading), tuple(operands.arrays))
     drivers = [topology.sources[frame] for frame in frames]
     follows = all(driver >= 0 and topology.sources[driver] < 0 for driver in drivers)
     follows = follows and len({topology.coordinates[driver][1::2] for driver in drivers}) == 1
@@ -167,7 +167,7 @@ def _family_source(context: Context, group: int, frames: list[int]) -> Source:
     recipe = FamilySteps(topology.groups[group], numbers, tuple(kept), counts, None, reading, followed, follows)
     if edge.needs_time:
         return context.given_source(recipe.steps(operands.arrays, context.times(len(frames))), reading)
-    return Source(recipe, tuple(operands.arrays))
+    return TracedInput(recipe, tuple(operands.arrays))
 
 
 def _in_dtype(leaf: Any, dtype: Any) -> jax.Array:
@@ -233,19 +233,19 @@ class FamilySteps(StepsRecipe):
         alone = replace(self.reading, rank=rank - 1)
         if self.held is not None:
             places, rows = self.held
-            leaves = (picked(alone.ranked(arrays[place], 2), np.array(rows), -2) for place in places)
+            leaves = (take(alone.ranked(arrays[place], 2), np.array(rows), -2) for place in places)
             held = motion_of(lax.expand_dims(leaf, range(rank + 1 - leaf.ndim)) for leaf in leaves)
             return Inputs(prescribed=held, batch_rank=rank)
         if self.followed:
             each = [edge.inputs(arrays, alone)[:3] for edge in self.followed]
             shape = jnp.broadcast_shapes(*(np.shape(c) for c in jax.tree.leaves(each)))
-            return Inputs(*pointer_doubling.stacked(each, shape, self.reading.dtype), batch_rank=rank)
+            return Inputs(*pointer_doubling.stack_components(each, shape, self.reading.dtype), batch_rank=rank)
         rows = [tuple(self._column(arrays[place], one, alone) for one in columns) for place, columns in self.kept]
         rows += [(0.0,) * self.counts[1]] * (3 - len(rows))
         return Inputs(*rows, batch_rank=rank)  # pyright: ignore[reportArgumentType]
 
     def _column(self, array: jax.Array, columns: tuple[int, ...], alone: Reading) -> jax.Array:
-        found = picked(alone.ranked(array, 1), np.array(columns), -1)
+        found = take(alone.ranked(array, 1), np.array(columns), -1)
         return lax.expand_dims(found, range(self.reading.rank - found.ndim))
 
     @property
@@ -270,21 +270,21 @@ def _in_order(context: Context, frames: list[int]) -> tuple[State, np.ndarray]:
         columns = (places[:, at, None] + np.arange(count)).reshape(-1)
         if len(columns) < 2 or len(set(np.diff(columns).tolist())) == 1:
             continue
-        state = replace(state, **{kind: stage(functools.partial(picked, places=columns, axis=-1))(getattr(state, kind))})
+        state = replace(state, **{kind: stage(functools.partial(take, places=columns, axis=-1))(getattr(state, kind))})
         arranged[:, at] = count * np.arange(len(frames))
     return state, arranged
 
 
 def rows_of(arrays: Packed, rows: np.ndarray) -> Packed:
     """Return some rows of arrays [..., n, k]."""
-    return tuple(picked(array, rows, -2) for array in arrays)
+    return tuple(take(array, rows, -2) for array in arrays)
 
 
 def _cut(arrays: Packed, first: int, last: int) -> Packed:
     return tuple(array[..., first:last, :] for array in arrays)
 
 
-def _joined(parts: Sequence[Packed]) -> Packed:
+def _levels_joined(parts: Sequence[Packed]) -> Packed:
     return parts[0] if len(parts) == 1 else tuple(jnp.concatenate(each, axis=-2) for each in zip(*parts, strict=True))
 
 
@@ -293,4 +293,4 @@ def _gathered(levels: Sequence[Packed], frames: Sequence[np.ndarray]) -> Packed:
     if plan.interleaved(frames):
         stacked = (jnp.stack(each, axis=-2) for each in zip(*levels, strict=True))
         return tuple(array.reshape(*array.shape[:-3], -1, array.shape[-1]) for array in stacked)
-    return rows_of(_joined(levels), np.argsort(np.concatenate(frames)))
+    return rows_of(_levels_joined(levels), np.argsort(np.concatenate(frames)))

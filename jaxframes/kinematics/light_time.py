@@ -17,10 +17,10 @@ from jaxframes.errors import MissingInputError
 from jaxframes.kinematics.apparent import SPEED_OF_LIGHT, ApparentState, Looking
 from jaxframes.kinematics.attachments import between
 from jaxframes.kinematics.context import Context
-from jaxframes.kinematics.state_rate import broadcast, rate
+from jaxframes.kinematics.state_rate import rate
 from jaxframes.model.state import State
 from jaxframes.model.structure import Structure
-from jaxframes.numerics.components import V3, Component, cross, dot, mul, rotate
+from jaxframes.numerics.components import V3, Component, cross, dot, mul, rotate, select
 from jaxframes.numerics.packed import Packed, unpacked
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.spatial import Epoch
@@ -33,10 +33,12 @@ STEPS = 3
 
 def apparent(tree: Structure, state: State, looking: Looking) -> ApparentState:
     """Return what an observer sees, as ``FrameTree.apparent`` says."""
-    state = broadcast(state)
+    _time(state)
+    context = Context(tree, state, 0)
+    state, dtype = state.broadcast_to(context.shape), context.dtype  # of the tree's batch too: the light time has it
     time = _time(state)
     observer = _at_root(tree, state, looking.relative_to, min(looking.order + int(looking.aberration), 2))
-    shape, dtype = time.shape, Context(tree, state, 0).dtype
+    shape = time.shape
     if looking.light_time is False:
         tau = jnp.zeros(shape, dtype)
         coverage = _first(_coverage(tree, looking.relative_to, time), _coverage(tree, looking.of, time))
@@ -82,8 +84,17 @@ def _later(state: State, seconds: jax.Array) -> State:
     return replace(state, time=Epoch(time.hi, time.lo + seconds))
 
 
+def _length_and_inverse(vector: V3) -> tuple[jax.Array, jax.Array]:
+    """Return the length of a vector and one over it; both 0 for no length, with derivatives 0: what coincides is seen where it is."""
+    square = jnp.asarray(dot(vector, vector))
+    nothing = square == 0
+    length = jnp.sqrt(select(nothing, jnp.ones_like(square), square))
+    zero = jnp.zeros_like(square)
+    return select(nothing, zero, length), select(nothing, zero, 1 / length)
+
+
 def _length(vector: V3) -> jax.Array:
-    return jnp.sqrt(jnp.asarray(dot(vector, vector)))
+    return _length_and_inverse(vector)[0]
 
 
 def _travel(looking: Looking, tree: Structure, state: State, tau: jax.Array | None) -> jax.Array:
@@ -120,8 +131,8 @@ def _line_of_sight(looking: Looking, observer: Rigid, target: Rigid) -> tuple[li
     s = float(looking.sign) if looking.light_time else 0.0
     if looking.order == 0:
         return line, rates
-    distance = _length(line[0])
-    u = line[0] * (1 / distance)
+    _, inverse = _length_and_inverse(line[0])
+    u = line[0] * inverse
     opening = SPEED_OF_LIGHT - s * jnp.asarray(dot(u, target.linear))
     first = dot(u, target.linear - observer.linear) / opening if s else 0.0
     line.append(target.linear * (1 + s * first) - observer.linear)
@@ -130,7 +141,7 @@ def _line_of_sight(looking: Looking, observer: Rigid, target: Rigid) -> tuple[li
         return line, rates
     plain = target.linear2 * ((1 + s * first) ** 2) - observer.linear2
     across = cross(u, line[1])  # |r'|^2 - (u.r')^2 without the cancellation
-    second = (dot(across, across) / distance + dot(u, plain)) / opening if s else 0.0
+    second = (mul(dot(across, across), inverse) + dot(u, plain)) / opening if s else 0.0
     line.append(plain + target.linear * mul(s, second))
     rates.append(second)
     return line, rates
@@ -141,8 +152,7 @@ def _turned_by_motion(line: V3, beta: V3) -> V3:
 
     With h = u x beta, the turned vector is r sqrt(1 - h.h) + h x r: without a quotient by |h|, so smooth at zero.
     """
-    distance = _length(line)
-    u = line * (1 / distance)
+    u = line * _length_and_inverse(line)[1]
     h = cross(u, beta)
     return line * jnp.sqrt(1 - jnp.asarray(dot(h, h))) + cross(h, line)
 

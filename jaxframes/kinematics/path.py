@@ -22,7 +22,7 @@ from jaxframes.numerics.steps import Step, append_all
 from jaxframes.staging.columns import column
 from jaxframes.staging.sharding import like
 from jaxframes.staging.stages import stage
-from jaxframes.staging.traced_inputs import Source
+from jaxframes.staging.traced_inputs import TracedInput
 
 FEW = 3
 """Up to so many frames, each path is worked out by itself: as many loops instead of one for each frame on the way."""
@@ -55,7 +55,7 @@ def down(context: Context, frames: Sequence[int]) -> Packed:
     if pattern is not None:
         found = repeated(context, frames[: pattern.edges], pattern)
     for piece in pieces:
-        found = extend(found, context.source(piece), context.kind)
+        found = extend(found, context.steps_of(piece), context.kind)
     return found
 
 
@@ -78,7 +78,7 @@ def repeated(context: Context, frames: Sequence[int], found: Repeats) -> Packed:
     recipe = PieceSteps(definitions, counts, columns, context.reading)
 
     def piece(motion: Packed, given: Any) -> tuple[Packed, None]:
-        return extend(motion, Source(recipe, tuple(jax.tree.leaves(given))), context.kind), None
+        return extend(motion, TracedInput(recipe, tuple(jax.tree.leaves(given))), context.kind), None
 
     start = tuple(like(a, *jax.tree.leaves(values)) for a in context.kind.packed(AT_REST))
     return lax.scan(piece, start, (edges, values))[0]
@@ -153,24 +153,24 @@ def outward(context: Context, observer: int, wanted: frozenset[int] | None = Non
     if wanted is not None and len(wanted) <= FEW:
         rest = context.kind.packed(AT_REST)
         return {frame: rest if frame == observer else between(context, frame, observer) for frame in wanted}
-    return follow(moves(context.topology, observer, wanted), observer, lambda edge: context.source((edge,)), context.kind)
+    return follow(moves(context.topology, observer, wanted), observer, lambda edge: context.steps_of((edge,)), context.kind)
 
 
-def follow(order: "Sequence[Move]", observer: int, source: Callable[[int], Source], kind: Kind) -> dict[int, Packed]:
+def follow(order: "Sequence[Move]", observer: int, steps_of: Callable[[int], TracedInput], kind: Kind) -> dict[int, Packed]:
     """Return the motions, relative to an observer, of the frames that moves lead to one after the other.
 
     Args:
         order: The moves.
         observer: The frame that they start from.
-        source: Returns the steps of the edge above a frame.
+        steps_of: Returns the steps of the edge above a frame.
         kind: What the motions are like.
     """
     found: dict[int, Packed] = {observer: ()}
     for move in order:
         if move.backward:
-            found[move.end] = _backward(found[move.start], extend((), source(move.edge), kind), kind)
+            found[move.end] = _backward(found[move.start], extend((), steps_of(move.edge), kind), kind)
         else:
-            found[move.end] = extend(found[move.start], source(move.edge), kind)
+            found[move.end] = extend(found[move.start], steps_of(move.edge), kind)
     return {frame: motion or kind.packed(AT_REST) for frame, motion in found.items()}
 
 
@@ -197,17 +197,17 @@ class Move(NamedTuple):
 def moves(topology: Topology, observer: int, wanted: frozenset[int] | None = None) -> list[Move]:
     """Return the steps that lead outward from an observer to all frames wanted, of its static part of the tree."""
     needed = None if wanted is None else _with_paths(topology, observer, wanted)
-    found, ahead, island = list[Move](), [observer], topology.islands[observer]
+    found, ahead, component = list[Move](), [observer], topology.static_components[observer]
     seen = {observer}
 
     def go(start: int, end: int, edge: int) -> None:
-        if end not in seen and topology.islands[end] == island and (needed is None or end in needed):
+        if end not in seen and topology.static_components[end] == component and (needed is None or end in needed):
             found.append(Move(start, end, edge, end != edge))
             seen.add(end)
             ahead.append(end)
 
     for frame in topology.ancestors(observer):
-        if frame == island:
+        if frame == component:
             break
         go(frame, topology.parents[frame], frame)
     while ahead:

@@ -11,14 +11,14 @@ from jaxframes.model.compile import LARGE
 from jaxframes.model.structure import Structure
 from jaxframes.model.topology import Topology
 
-FEWEST = 20
-"""Trees of at least so many frames go by level; smaller ones are unrolled, which runs up to twice as fast on large batches and compiles in
-a time that grows with their frames."""
+MAX_UNROLLED = 19
+"""Trees of up to so many frames are unrolled, frame after frame; larger ones go by level. Unrolled, a tree runs up to twice as
+fast on large batches, and compiles in a time that grows with its frames."""
 MANY_TABLES = 8
 """Trees with at least so many tables of one kind go by level too: these are evaluated together, and else each is compiled by itself."""
 SPAN = 10
 """Levels in a segment of a deep tree."""
-LONGEST = {0: 12, 1: 10, 2: 8}
+MAX_IN_ONE_PIECE = {0: 12, 1: 10, 2: 8}
 """Moving edges that are worked out in one piece, for poses, velocities and accelerations: longer paths are cut, because XLA:CPU slows
 down by orders of magnitude on loops of some thousand instructions."""
 PIECE = {0: 9, 1: 6, 2: 5}
@@ -66,7 +66,7 @@ def pieces_of(tree: Structure, frames: Sequence[int], order: int) -> tuple[Repea
 def _cut(tree: Structure, frames: Sequence[int], order: int) -> list[list[int]]:
     edges = [tree.edge_of(frame) for frame in frames]
     weights = [max(edge.nv, int(not isinstance(edge, Fixed))) for edge in edges]
-    most = LONGEST[order] if sum(weights) <= LONGEST[order] else PIECE[order]
+    most = MAX_IN_ONE_PIECE[order] if sum(weights) <= MAX_IN_ONE_PIECE[order] else PIECE[order]
     pieces, filled = [list[int]()], 0
     for frame, weight in zip(frames, weights, strict=True):
         if pieces[-1] and weight and filled + weight > most:
@@ -115,7 +115,7 @@ def _side(tree: Structure, frames: Sequence[int], order: int) -> str:
 def by_level(topology: Topology) -> bool:
     """Return whether queries about all frames go by level."""
     tables = max((len(own) for own, stacked in zip(topology.members, topology.stacked, strict=True) if not stacked), default=0)
-    return len(topology.names) >= (LARGE if topology.attachables else FEWEST) or tables >= MANY_TABLES
+    return len(topology.names) >= (LARGE if topology.attachables else MAX_UNROLLED + 1) or tables >= MANY_TABLES
 
 
 def over_all_frames(topology: Topology) -> str:
@@ -123,7 +123,7 @@ def over_all_frames(topology: Topology) -> str:
     count, levels = len(topology.names), max(topology.depths) + 1
     kinds = len({group for group, _ in topology.locations if group >= 0})
     head = f"all {count} frames, {levels} levels, {kinds} kinds of edges: "
-    fewest = LARGE if topology.attachables else FEWEST
+    fewest = LARGE if topology.attachables else MAX_UNROLLED + 1
     many = f"{fewest} frames or more" if count >= fewest else f"{MANY_TABLES} tables or more of one kind, which are evaluated together"
     if topology.attachables and by_level(topology):
         return head + f"by level; the links of {len(topology.attachables)} attachable frames are composed by pointer doubling ({many})"
@@ -132,7 +132,7 @@ def over_all_frames(topology: Topology) -> str:
         return head + f"static parts unrolled, the links of {links} attachable frames composed by pointer doubling (their parents are data)"
     if not by_level(topology):
         blocks = "; on a CPU a large batch goes block by block, so that all frames of a block stay in the cache"
-        return head + f"unrolled outward from the observer, each frame a stage of its own (fewer than {FEWEST} frames{blocks})"
+        return head + f"unrolled outward from the observer, each frame a stage of its own (fewer than {MAX_UNROLLED + 1} frames{blocks})"
     if is_deep(levels):
         return head + f"by level in segments of {SPAN} levels, whose starts are again a tree ({many}, and deep)"
     return head + f"by level, all frames of a level at a time ({many}, and shallow)"

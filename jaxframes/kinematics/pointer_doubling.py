@@ -21,24 +21,24 @@ def place(
 
     Args:
         context: Tree, state and order.
-        links: The attachable frames, roots of their islands.
+        links: The attachable frames, roots of their components.
         rows: Row of each attachable frame in the state.
-        inside: Motions of the candidates in their islands' roots (or in the anchor).
+        inside: Motions of the candidates in their components' roots (or in the anchor).
     """
     topology, shape, dtype = context.topology, context.shape, context.dtype
     frames = sorted({c for link in links for c in topology.candidates[rows[link]]})
-    table = stacked([inside[topology.islands[c]][c] for c in frames], shape, dtype)
+    table = stack_components([inside[topology.static_components[c]][c] for c in frames], shape, dtype)
     held = [context.attachment(rows[link]) for link in links]
     parents = jnp.stack([jnp.broadcast_to(parent, shape) for parent, _ in held], -1)
     position, member, code = _lookups(context, links, rows, frames)
     clipped = jnp.clip(parents, 0, len(topology.names) - 1)
-    seat = jnp.asarray(position)[clipped]
+    parent_row = jnp.asarray(position)[clipped]
     known = jnp.asarray(member)[np.arange(len(links)), clipped] & (clipped == parents)
-    motion = compose(picked(table, seat), stacked([m for _, m in held], shape, dtype), context.order)
+    motion = compose(take_motions(table, parent_row), stack_components([m for _, m in held], shape, dtype), context.order)
     motion = jax.tree.map(lambda rest, c: c if isinstance(c, float) else _with_first(c, rest), AT_REST, motion)
-    pointer, valid = _with_first(jnp.asarray(code)[seat], 0), _with_first(known, True)
+    pointer, valid = _with_first(jnp.asarray(code)[parent_row], 0), _with_first(known, True)
     for _ in range((len(links) - 1).bit_length()):
-        motion = compose(picked(motion, pointer), motion, context.order)
+        motion = compose(take_motions(motion, pointer), motion, context.order)
         valid = valid & jnp.take_along_axis(valid, pointer, -1)
         pointer = jnp.take_along_axis(pointer, pointer, -1)
     arrived = valid & (pointer == 0)
@@ -54,7 +54,7 @@ def _lookups(context: Context, links: tuple[int, ...], rows: dict[int, int], fra
     for i, link in enumerate(links):
         member[i, list(topology.candidates[rows[link]])] = True
     number = {0: 0, **{link: i for i, link in enumerate(links, 1)}}
-    return position, member, np.array([number[topology.islands[c]] for c in frames], np.int32)
+    return position, member, np.array([number[topology.static_components[c]] for c in frames], np.int32)
 
 
 def _with_first(values: jax.Array, first: Any) -> jax.Array:
@@ -62,7 +62,7 @@ def _with_first(values: jax.Array, first: Any) -> jax.Array:
     return jnp.concatenate([jnp.full((*values.shape[:-1], 1), first, values.dtype), values], -1)
 
 
-def stacked(motions: Sequence[Many], shape: tuple[int, ...], dtype: Any) -> Many:
+def stack_components(motions: Sequence[Many], shape: tuple[int, ...], dtype: Any) -> Many:
     """Return motions (or other structures of components) as one with components [*shape, n]; a number that all share stays a number."""
 
     def join(*parts: Component) -> Component:
@@ -74,6 +74,6 @@ def stacked(motions: Sequence[Many], shape: tuple[int, ...], dtype: Any) -> Many
     return jax.tree.map(join, *motions)
 
 
-def picked(motions: Rigid, index: jax.Array) -> Rigid:
+def take_motions(motions: Rigid, index: jax.Array) -> Rigid:
     """Return the motions at an index [..., k] of the last axis of components [..., n]."""
     return jax.tree.map(lambda c: c if isinstance(c, float) else jnp.take_along_axis(c, index, -1), motions)

@@ -21,7 +21,7 @@ from jaxframes.numerics.packed import Packed, unpacked
 from jaxframes.numerics.rigid import express
 from jaxframes.spatial import Motion, Transform
 from jaxframes.staging.internals import is_compiling
-from jaxframes.staging.sharding import stacked
+from jaxframes.staging.sharding import stack_arrays
 from jaxframes.staging.stages import stage
 
 Value = TypeVar("Value")
@@ -31,19 +31,19 @@ def _between(tree: Structure, state: State, of: int, relative_to: int, expressed
     context = Context(tree, state, order)
     motion = _pair(context, of, relative_to)
     if order and expressed_in != relative_to:
-        motion = turned(context, _pair(Context(tree, state, 0), relative_to, expressed_in), motion)
+        motion = velocities_in_axes(context, _pair(Context(tree, state, 0), relative_to, expressed_in), motion)
     return named(motion)
 
 
 def _pair(context: Context, of: int, relative_to: int) -> Packed:
     """Return the motion of one frame as another sees it, by level where a query across links may touch many frames."""
-    home = context.topology.islands
+    home = context.topology.static_components
     if home[of] == home[relative_to] or not attachments.touches_many(context, (of, relative_to)):
         return attachments.between(context, of, relative_to)
     return tuple(array[..., of, :] for array in attachments_by_level.all_frames(context, relative_to))
 
 
-def turned(context: Context, axes: Packed, motion: Packed) -> Packed:
+def velocities_in_axes(context: Context, axes: Packed, motion: Packed) -> Packed:
     """Return a motion whose velocity and acceleration are in other axes; the pose of its own in these is given."""
     return stage(lambda axes, motion: context.kind.packed(express(unpacked(axes).rotation, unpacked(motion))))(axes, motion)
 
@@ -57,26 +57,26 @@ def _all_frames(tree: Structure, state: State, relative_to: int, order: int) -> 
     if not tree.topology.attachables:
         return of_halves(unrolled.all_frames(context, relative_to))
     found = attachments.all_frames(context, relative_to)
-    return named(_stacked([found[frame] for frame in range(len(tree.names))], -2))
+    return named(_values_stacked([found[frame] for frame in range(len(tree.names))], -2))
 
 
 def _pairs(tree: Structure, state: State, of: tuple[int, ...], relative_to: tuple[int, ...]) -> Transform:
     context, rows = Context(tree, state, 0), []
-    home = tree.topology.islands
+    home = tree.topology.static_components
     for observer in relative_to:
         near = frozenset(frame for frame in of if home[frame] == home[observer])
         found = outward(context, observer, near) if near else {}
         found |= attachments.between_many(context, [frame for frame in of if frame not in near], observer)
-        rows.append(_stacked([found[frame] for frame in of], -2))
-    return named(_stacked(rows, -3)).transform
+        rows.append(_values_stacked([found[frame] for frame in of], -2))
+    return named(_values_stacked(rows, -3)).transform
 
 
-def _stacked(values: Sequence[Value], axis: int) -> Value:
-    return jax.tree.map(lambda *leaves: stacked(leaves, axis), *values)
+def _values_stacked(values: Sequence[Value], axis: int) -> Value:
+    return jax.tree.map(lambda *leaves: stack_arrays(leaves, axis), *values)
 
 
 def _jacobian(tree: Structure, state: State, of: int, relative_to: int, expressed_in: int) -> jax.Array:
-    if tree.topology.islands[of] != tree.topology.islands[relative_to]:
+    if tree.topology.static_components[of] != tree.topology.static_components[relative_to]:
         return _jacobian_by_rates(tree, state, of, relative_to, expressed_in)
     context = Context(tree, state, 0)
     axes = None if expressed_in == relative_to else attachments.between(context, relative_to, expressed_in)

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxframes.kinematics.arrays import named
-from jaxframes.kinematics.attachments import is_one_of, islands_of, spoiled
+from jaxframes.kinematics.attachments import is_one_of, nan_unless, static_components_of
 from jaxframes.kinematics.context import Context
 from jaxframes.model.state import Attachments, State
 from jaxframes.model.structure import Structure
@@ -35,14 +35,14 @@ def attach(tree: Structure, state: State, to: jax.Array, *, frame: int, keep: st
     order = 0 if keep == "world" else 2 if all(tree.edge_of(members[0]).supports_accelerations for members in tree.topology.members) else 1
     context = Context(tree, state, order)
     candidates = tree.topology.candidates[row]
-    islands = islands_of(context, (frame, *candidates))
+    static_components = static_components_of(context, (frame, *candidates))
     rank, shape = len(context.shape), jnp.broadcast_shapes(context.shape, to.shape)
     aligned = to if to.ndim in (0, rank) else to.reshape((1,) * max(rank - to.ndim, 0) + to.shape)
 
     def work() -> Packed:
-        placed = islands.placed()
-        seat, good = placed.motion_of_traced(aligned, candidates)
-        here = placed.spoil(spoiled(relative(seat, placed.motion(frame), order), good, context.dtype), frame)
+        placed = static_components.placed()
+        parent_motion, good = placed.motion_of_traced(aligned, candidates)
+        here = placed.nan_where_invalid(nan_unless(relative(parent_motion, placed.motion(frame), order), good, context.dtype), frame)
         # The pose is stored and later composed again: without this, norm errors of repeated attachments would feed on each other.
         return Kind(shape, context.dtype, 2).packed(replace(here, rotation=renormalized(here.rotation)))
 
@@ -64,7 +64,7 @@ def attachments_valid(tree: Structure, state: State) -> jax.Array:
     """Return where every attachable frame hangs, link by link, on the root: no cycle, no parent outside its candidates."""
     context = Context(tree, state, 0)
     good = jnp.ones(context.shape, bool)
-    for valid in islands_of(context, tree.topology.attachables).placed().valid.values():
+    for valid in static_components_of(context, tree.topology.attachables).placed().valid.values():
         good = good & jnp.broadcast_to(valid, context.shape)
     for row, candidates in enumerate(tree.topology.candidates):
         good = good & is_one_of(context.attachment(row)[0], candidates)

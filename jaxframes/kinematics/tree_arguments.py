@@ -90,7 +90,7 @@ def _batch_of(leaf: Any) -> tuple[int, ...]:
     return leaf.batch_shape if isinstance(leaf, PartlyBatched) else np.shape(leaf)[:-2]
 
 
-def stacked(tree: Structure) -> StackedTree:
+def stacked_tree(tree: Structure) -> StackedTree:
     """Return a tree with its numbers stored by family, traced or known (then as NumPy arrays)."""
     if isinstance(tree, StackedTree):
         return tree
@@ -126,7 +126,7 @@ def as_arguments(tree: Structure) -> tuple[Any, Plan | None]:
     if not tree.is_known:
         return tree, None
     if len(tree.names) >= LARGE or (by_level(tree.topology) and not all(tree.topology.stacked)):
-        return tree.held("stacked", lambda: jax.tree.map(jnp.asarray, stacked(tree))), None
+        return tree.held("stacked", lambda: jax.tree.map(jnp.asarray, stacked_tree(tree))), None
     return tree.held("arguments", lambda: _folded(tree))
 
 

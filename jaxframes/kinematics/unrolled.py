@@ -19,19 +19,19 @@ from jax import lax
 from jaxframes.kinematics.arrays import halves
 from jaxframes.kinematics.batches import SIZES, BatchOperation
 from jaxframes.kinematics.context import Context
-from jaxframes.kinematics.edge_steps import AnySteps, Opened, PathSteps, Reading, tails
+from jaxframes.kinematics.edge_steps import AnySteps, Partitioned, PathSteps, Reading, tails
 from jaxframes.kinematics.path import Move, follow, moves
 from jaxframes.numerics.components import Component
 from jaxframes.numerics.packed import Kind
 from jaxframes.numerics.path_motion import folded, half_angles, with_halves
 from jaxframes.numerics.rigid import AT_REST, Rigid, compose, inverse
 from jaxframes.numerics.steps import Step, append_all
-from jaxframes.numerics.trig import given_pairs, sin_cos, sin_cos_of
+from jaxframes.numerics.trig import precomputed_pairs, sin_cos, sin_cos_of
 from jaxframes.staging.columns import assemble
 from jaxframes.staging.operation import Arrays, run, with_changes
-from jaxframes.staging.sharding import alike, is_large, may_block, stacked
+from jaxframes.staging.sharding import alike, is_large, may_block, stack_arrays
 from jaxframes.staging.stages import stage, staged
-from jaxframes.staging.traced_inputs import Operands, Source
+from jaxframes.staging.traced_inputs import Operands, TracedInput
 
 IN_PLACE = jax.__version_info__ >= (0, 11)
 """Whether loops write columns straight to their places in the result, or rows are put together first. Measured: on jax 0.12 the
@@ -107,8 +107,8 @@ class _AllFrames(BatchOperation):
         """Return how to make each result: the parts [*batch, k] that one after the other are its rows."""
         turning = _Angles(self.edges, self.reading)
         angles = len(turning(*arrays))
-        pair = given_pairs(*sin_cos_of(turning, *arrays)) if angles else sin_cos
-        arrays = Opened(arrays)
+        pair = precomputed_pairs(*sin_cos_of(turning, *arrays)) if angles else sin_cos
+        arrays = Partitioned(arrays)
         found, starts = {self.observer: AT_REST}, {move.start for move in self.moves}
         for move, edge in zip(self.moves, self.edges, strict=True):
             steps = with_halves(folded(edge.steps(arrays, self.reading)), pair)
@@ -117,7 +117,7 @@ class _AllFrames(BatchOperation):
             found[move.end] = staged(made) if move.end in starts else made()
         motions = [found[frame] for frame in range(self._count)]
         parts = [[tuple(part) for part in _parts(motion, self.reading.order)] for motion in motions]
-        return [_joined(rows, self._kind) for rows in zip(*parts, strict=True)]
+        return [_column_parts(rows, self._kind) for rows in zip(*parts, strict=True)]
 
     def over(self, shape: tuple[int, ...]) -> "_AllFrames":
         """Return the operation over a batch of another shape."""
@@ -130,12 +130,12 @@ class _AllFrames(BatchOperation):
         """Return the same by operations of one frame each, which bring their derivatives."""
         steps = {move.edge: edge for move, edge in zip(self.moves, self.edges, strict=True)}
 
-        def source(edge: int) -> Source:
+        def steps_of(edge: int) -> TracedInput:
             recipe, places = PathSteps((steps[edge],), self.reading).part(0, 1)
-            return Source(recipe, tuple(arrays[place] for place in places))
+            return TracedInput(recipe, tuple(arrays[place] for place in places))
 
-        found = follow(self.moves, self.observer, source, self._kind)
-        packed = [stacked(parts, -2) for parts in zip(*(found[frame] for frame in range(self._count)), strict=True)]
+        found = follow(self.moves, self.observer, steps_of, self._kind)
+        packed = [stack_arrays(parts, -2) for parts in zip(*(found[frame] for frame in range(self._count)), strict=True)]
         return tuple(half for whole in packed for half in halves(whole))
 
 
@@ -147,7 +147,7 @@ class _Angles:
     reading: Reading
 
     def __call__(self, *arrays: jax.Array) -> list[jax.Array]:
-        opened = Opened(arrays)
+        opened = Partitioned(arrays)
         return [angle for edge in self.edges for angle in half_angles(edge.steps(opened, self.reading))]
 
 
@@ -163,7 +163,7 @@ def _parts(motion: Rigid, order: int) -> Sequence[Any]:
     return parts[: 2 + 2 * order]
 
 
-def _joined(rows: Sequence[tuple[Component, ...]], kind: Kind) -> list[Part]:
+def _column_parts(rows: Sequence[tuple[Component, ...]], kind: Kind) -> list[Part]:
     """Return how to put the components of all frames together, some columns at a time."""
     many = COLUMNS // len(rows[0])
 

@@ -34,7 +34,9 @@ def hangs_on(topology: Topology, parents: Any, frames: Any, ancestor: int) -> An
     target, below = len(rows) + 1, [False] * len(topology.names)
     for frame, parent in enumerate(topology.parents):
         below[frame] = frame == ancestor or (parent >= 0 and frame not in rows and below[parent])
-    home = xp.asarray([target if inside else rows.get(island, 0) for island, inside in zip(topology.islands, below, strict=True)])
+    home = xp.asarray(
+        [target if inside else rows.get(component, 0) for component, inside in zip(topology.static_components, below, strict=True)]
+    )
     exists = (parents >= 0) & (parents < len(topology.names))
     links = xp.where(exists, home[xp.where(exists, parents, 0)], 0)
     end = lambda value: xp.full((*links.shape[:-1], 1), value, links.dtype)  # noqa: E731
@@ -55,7 +57,7 @@ def check_target(topology: Topology, held: Attachments, frame: int, targets: np.
         other = topology.names[int(target)]
         if target == frame:
             raise TopologyError(f"cannot attach {name!r} to itself ({other!r})")
-        if topology.islands[int(target)] == frame:
+        if topology.static_components[int(target)] == frame:
             raise TopologyError(
                 f"cannot attach {name!r} to {other!r}, which hangs on it: that would be a cycle; attach {other!r} elsewhere first"
             )

@@ -134,8 +134,8 @@ def set_motions(topology: Topology, state: State, motions: Mapping[str, Any]) ->
     """
     rows: dict[bool, dict[str, int]] = {False: {}, True: {}}
     for name in motions:
-        loose, row = _row_of(topology, state, name)
-        rows[loose][name] = row
+        attachable, row = _row_of(topology, state, name)
+        rows[attachable][name] = row
     parts = {name: _parts_of(name, motion) for name, motion in motions.items()}
     if rows[False]:
         state = replace(state, prescribed=_with_motions(state.prescribed, rows[False], parts))

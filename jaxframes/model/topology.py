@@ -93,14 +93,14 @@ class Topology:
         return tuple(map(tuple, found))
 
     @functools.cached_property
-    def islands(self) -> tuple[int, ...]:
+    def static_components(self) -> tuple[int, ...]:
         """For each frame, the root of the static part of the tree that it belongs to: the root, or an attachable frame."""
-        islands = list(range(len(self.names)))
-        loose = set(self.attachables)
+        static_components = list(range(len(self.names)))
+        attachable = set(self.attachables)
         for i in range(1, len(self.names)):
-            if i not in loose:
-                islands[i] = islands[self.parents[i]]
-        return tuple(islands)
+            if i not in attachable:
+                static_components[i] = static_components[self.parents[i]]
+        return tuple(static_components)
 
     @functools.cached_property
     def depths(self) -> tuple[int, ...]:
@@ -177,12 +177,12 @@ class Topology:
 
     def common_ancestor(self, a: int, b: int) -> int:
         """Return the deepest frame that is an ancestor of both (a frame counts as its own ancestor)."""
-        if self.islands[a] != self.islands[b]:
+        if self.static_components[a] != self.static_components[b]:
             x, y = self.names[a], self.names[b]
-            loose = self.names[self.islands[a] or self.islands[b]]
+            attachable = self.names[self.static_components[a] or self.static_components[b]]
             raise TopologyError(
-                f"no static path between {x!r} and {y!r}: what {loose!r} hangs on is data in the state; "
-                f"query it with tree.transform and its like, or ask tree.parent({loose!r}, state)"
+                f"no static path between {x!r} and {y!r}: what {attachable!r} hangs on is data in the state; "
+                f"query it with tree.transform and its like, or ask tree.parent({attachable!r}, state)"
             )
         while a != b:
             if self.depths[a] >= self.depths[b]:

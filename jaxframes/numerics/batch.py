@@ -160,7 +160,7 @@ def _outside(item: Any, size: int) -> int | None:
     return int(wrong.flat[0]) if wrong.size else None
 
 
-def _joined(values: Sequence[Any], kind: str) -> list[Any]:
+def _values_of_one_type(values: Sequence[Any], kind: str) -> list[Any]:
     values = list(values)
     if not values or any(jax.tree.structure(v) != jax.tree.structure(values[0]) for v in values):
         kinds = sorted({type(v).__name__ for v in values})
@@ -174,7 +174,7 @@ def stack(values: Sequence[Self], axis: int = 0) -> Self:
     Raises:
         ShapeError: No values, or values of several types.
     """
-    values = _joined(values, "stack")
+    values = _values_of_one_type(values, "stack")
     shape = np.broadcast_shapes(*(v.shape for v in values))
     axis = axis + len(shape) + 1 if axis < 0 else axis
     return jax.tree.map(lambda *leaves: jnp.stack(_common(*leaves), axis), *(v.broadcast_to(shape) for v in values))
@@ -186,7 +186,7 @@ def concatenate(values: Sequence[Self], axis: int = 0) -> Self:
     Raises:
         ShapeError: No values, or values of several types.
     """
-    values = [v.broadcast_to(v.shape) for v in _joined(values, "concatenate")]
+    values = [v.broadcast_to(v.shape) for v in _values_of_one_type(values, "concatenate")]
     axis = axis + values[0].ndim if axis < 0 else axis
     return jax.tree.map(lambda *leaves: jnp.concatenate(_common(*leaves), axis), *values)
 

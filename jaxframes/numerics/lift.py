@@ -41,14 +41,14 @@ def lift(*kinds: Kind, out: Kind | tuple[Kind, ...]) -> Callable[[Callable[..., 
             batches = [a.shape[: a.ndim - (kind is not None)] for a, kind in zip(arrays, kinds, strict=True)]
             shape, dtype = jnp.broadcast_shapes(*batches), arrays[0].dtype
 
-            def computed(*arrays: jax.Array) -> Any:
+            def on_arrays(*arrays: jax.Array) -> Any:
                 parts = (_split(a, kind, batch, len(shape)) for a, kind, batch in zip(arrays, kinds, batches, strict=True))
                 result = function(*parts)
                 if isinstance(out, tuple):
                     return tuple(_join(r, kind, shape, dtype) for r, kind in zip(result, out, strict=True))
                 return _join(result, out, shape, dtype)
 
-            return stage(computed)(*arrays)
+            return stage(on_arrays)(*arrays)
 
         @functools.wraps(function)
         def on_array_likes(*values: Any) -> Any:

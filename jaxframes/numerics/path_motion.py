@@ -10,16 +10,16 @@ import jax.numpy as jnp
 
 from jaxframes.numerics.components import mul
 from jaxframes.numerics.packed import Kind, Packed, change_of, unpacked, unpacked_change
-from jaxframes.numerics.programs import Program, computed
+from jaxframes.numerics.programs import StagedProgram, run_program
 from jaxframes.numerics.rigid import Rigid, compose
 from jaxframes.numerics.step_derivatives import NO_CHANGE, extended, first_change, of_rotation, varied
 from jaxframes.numerics.steps import RotationStep, Step, append_all
 from jaxframes.numerics.trig import Half, sin_cos
-from jaxframes.staging.columns import joined, take_apart
+from jaxframes.staging.columns import join_columns, take_apart
 from jaxframes.staging.operation import Arrays
 from jaxframes.staging.sharding import alike
 from jaxframes.staging.stages import stage
-from jaxframes.staging.traced_inputs import Operands, Parts, Source, changes, outline
+from jaxframes.staging.traced_inputs import Operands, Parts, TracedInput, changes, outline
 
 
 class StepsRecipe:
@@ -59,23 +59,23 @@ class MadeSteps(StepsRecipe):
         return tuple(self.made.of(arrays))
 
 
-def made(steps: Sequence[Step]) -> Source:
-    """Return steps that are worked out already as a source."""
+def steps_at_hand(steps: Sequence[Step]) -> TracedInput:
+    """Return steps that are worked out already as a traced input."""
     operands = Operands()
-    return Source(MadeSteps(operands.components(tuple(steps))), tuple(operands.arrays))
+    return TracedInput(MadeSteps(operands.components(tuple(steps))), tuple(operands.arrays))
 
 
-def extend(start: Packed, source: Source, kind: Kind) -> Packed:
+def extend(start: Packed, steps: TracedInput, kind: Kind) -> Packed:
     """Return a motion extended by steps one after the other.
 
     Args:
         start: The motion of the frame that the first step starts from; no arrays for the identity, at rest.
-        source: The steps: a ``StepsRecipe`` and its arrays.
+        steps: The steps: a ``StepsRecipe`` and its arrays.
         kind: What the result is like.
     """
-    recipe, arrays = source
+    recipe, arrays = steps
     program = _Extension(recipe, len(start), kind, has_angles(outline(recipe, arrays)))  # pyright: ignore[reportArgumentType]
-    return computed(program, *start, *arrays)
+    return run_program(program, *start, *arrays)
 
 
 EDGES_TOGETHER = 5
@@ -84,7 +84,7 @@ by itself: a mount takes ten numbers where a joint takes one, and compilers take
 
 
 @dataclass(frozen=True)
-class _Extension(Program):
+class _Extension(StagedProgram):
     """The motion extended, of its arrays and then those that the steps are made of."""
 
     recipe: StepsRecipe
@@ -142,7 +142,7 @@ class _Extension(Program):
             part, places = self.recipe.part(first, last)
             own = tuple(arrays[place] for place in places)
             change = self._next(part, own, [steps[place] for place in places], motion, change)
-            motion = extend(motion, Source(part, own), self.kind)
+            motion = extend(motion, TracedInput(part, own), self.kind)
 
         def work(end: Packed, change: Packed) -> Packed:
             return self.kind.packed(of_rotation(unpacked(end), change_of(change)))
@@ -191,7 +191,7 @@ class _Extension(Program):
             full, steps = list(arrays), list(tangents)
             rest = iter(() if columns is None else take_apart(columns))
             for i, width in zip(own, widths, strict=True):
-                steps[i] = joined([next(rest) for _ in range(width)]).astype(arrays[i].dtype)
+                steps[i] = join_columns([next(rest) for _ in range(width)]).astype(arrays[i].dtype)
                 if full[i].shape != steps[i].shape:  # other numbers of the edge have batch axes
                     full[i] = jnp.broadcast_to(full[i], steps[i].shape)
             made, moved = with_halves(part(*full), sin_cos), changes(part, full, steps)
@@ -209,7 +209,7 @@ def half_angles(steps: Iterable[Step]) -> list[jax.Array]:
 
 
 def has_angles(outline: Iterable[Step]) -> bool:
-    """Return whether any step turns by an angle that is not known, which is NaN in the outline of a source."""
+    """Return whether any step turns by an angle that is not known, which is NaN in the outline of a traced input."""
     return any(isinstance(step, RotationStep) and math.isnan(step.angle.value) for step in outline)
 
 

@@ -11,13 +11,13 @@ from typing import Any
 
 import jax
 
-from jaxframes.numerics.trig import Half, given_pairs, sin_cos, sin_cos_of
-from jaxframes.staging.blocks import Batch, Work, worked
+from jaxframes.numerics.trig import Half, precomputed_pairs, sin_cos, sin_cos_of
+from jaxframes.staging.blocks import Batch, Work, run_work
 from jaxframes.staging.operation import Arrays, Operation, changes_of, run
 from jaxframes.staging.stages import stage
 
 
-class Program:
+class StagedProgram:
     """Arrays as a function of arrays, by way of components: a frozen dataclass without arrays, equal by value.
 
     Attributes:
@@ -55,12 +55,12 @@ class Program:
         """Return which arrays have the batch as their leading axis; None where there is no batch of one axis."""
         return None
 
-    def sized(self, count: int) -> "Program":
+    def sized(self, count: int) -> "StagedProgram":
         """Return the program for a batch of another size."""
         raise NotImplementedError
 
 
-def computed(program: Program, *arrays: jax.Array) -> tuple[jax.Array, ...]:
+def run_program(program: StagedProgram, *arrays: jax.Array) -> tuple[jax.Array, ...]:
     """Return the results of a program, all in one stage."""
     return tuple(run(_Computed(program), *arrays) if arrays else _Computed(program).compute())
 
@@ -69,7 +69,7 @@ def computed(program: Program, *arrays: jax.Array) -> tuple[jax.Array, ...]:
 class _Computed(Operation):
     """The operation."""
 
-    program: Program
+    program: StagedProgram
 
     def compute(self, *arrays: jax.Array) -> Arrays:
         return stage(lambda *xs: self.program.values(sin_cos, *xs))(*arrays)
@@ -85,7 +85,7 @@ class _Computed(Operation):
             if along is not None:
                 results = self.program.results
                 batch = Batch(results[0].shape[0], (*along, *(along[i] for i in moved)), (True,) * len(results))
-            return run(self, *primals), worked(_ByNumbers(self.program, moved, along), batch, *primals, *given)
+            return run(self, *primals), run_work(_ByNumbers(self.program, moved, along), batch, *primals, *given)
         pairs = sin_cos_of(_Angles(self.program), *primals) if self.program.has_angles else ()
         return _WithPairs(self.program, len(primals)).derivative((*primals, *pairs), (*tangents, *(None for _ in pairs)))
 
@@ -100,7 +100,7 @@ class _ByNumbers(Work):
         along: Which inputs have the batch as their leading axis; None without such a batch.
     """
 
-    program: Program
+    program: StagedProgram
     moved: tuple[int, ...]
     along: tuple[bool, ...] | None
 
@@ -116,14 +116,14 @@ class _ByNumbers(Work):
 class _WithPairs(Operation):
     """The same operation, of the arrays and then the sines and cosines of its angles. How these change, it knows from the arrays."""
 
-    program: Program
+    program: StagedProgram
     count: int
 
     def _pair(self, arrays: Arrays) -> Half:
         if len(arrays) == self.count:
             return sin_cos
         sines, cosines = arrays[self.count :]
-        return given_pairs(sines, cosines)
+        return precomputed_pairs(sines, cosines)
 
     def compute(self, *arrays: jax.Array) -> Arrays:
         return stage(lambda *xs: self.program.values(self._pair(xs), *xs[: self.count]))(*arrays)
@@ -147,7 +147,7 @@ class _WithPairs(Operation):
 class _Angles:
     """The angles of a program as a function that is equal by value, which a method is not."""
 
-    program: Program
+    program: StagedProgram
 
     def __call__(self, *arrays: jax.Array) -> Sequence[jax.Array]:
         return self.program.angles(*arrays)

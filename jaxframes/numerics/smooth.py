@@ -130,16 +130,16 @@ def atan2(y: Entry, x: Entry) -> Entry:
 
 
 def binary_scale(components: Sequence[Entry]) -> Entry:
-    """Return the power of two just below the largest magnitude, 1 for zero: dividing by it is exact and prevents overflow."""
+    """Return the power of two just below the largest magnitude: dividing by it is exact and prevents overflow. 1 for zero and infinity."""
     largest = lax.stop_gradient(jnp.abs(components[0]))
     for component in components[1:]:
         largest = jnp.maximum(largest, lax.stop_gradient(jnp.abs(component)))
     dtype = np.dtype(largest.dtype)
     if dtype.name not in ("float32", "float64"):
-        return select(largest > 0, largest, jnp.ones_like(largest))
+        return select((largest > 0) & (largest < jnp.inf), largest, jnp.ones_like(largest))
     mask, number = (0x7F800000, np.int32) if dtype.name == "float32" else (0x7FF0000000000000, np.int64)
     power = lax.bitcast_convert_type(lax.bitcast_convert_type(largest, number) & number(mask), dtype)
-    return select(power > 0, power, jnp.ones_like(power))
+    return select((power > 0) & (power < jnp.inf), power, jnp.ones_like(power))
 
 
 def norm(components: Sequence[Entry]) -> Entry:

@@ -79,7 +79,7 @@ def first_change(motion: Rigid, change: Rigid) -> Change:
 
 def next_change(before: Rigid, change: Change, step: Step, dstep: Any, order: int) -> Change:
     """Return how the motion after a step changes, from the motion before it and the changes of both."""
-    turn = functools.partial(_turned, before.rotation, change.angle)
+    turn = functools.partial(_rotated, before.rotation, change.angle)
     if isinstance(step, Rigid):
         angle = change.angle + rotate(before.rotation, _small_turn(dstep.rotation, step.rotation))
         arm, w_rel, v_rel, alpha_rel, a_rel = (
@@ -95,7 +95,7 @@ def next_change(before: Rigid, change: Change, step: Step, dstep: Any, order: in
         return _carried(before, change, angle, arm, (w_rel, v_rel, alpha_rel, a_rel), order)
     hinge = quat_mul(before.rotation, step.rotation)
     tilt = change.angle + rotate(before.rotation, _small_turn(dstep.rotation, step.rotation))
-    axis = _turned(hinge, tilt, step.axis, dstep.axis)
+    axis = _rotated(hinge, tilt, step.axis, dstep.axis)
     arm = turn(step.translation, dstep.translation)
     still = (ZERO, ZERO)
     if isinstance(step, TranslationStep):
@@ -112,7 +112,7 @@ Varied = tuple[V3, V3]
 """A vector with its change."""
 
 
-def _turned(rotation: Quat, angle: V3, vector: V3, change: V3) -> Varied:
+def _rotated(rotation: Quat, angle: V3, vector: V3, change: V3) -> Varied:
     """Return a vector turned by a rotation that itself turns by a small angle."""
     turned = rotate(rotation, vector)
     return turned, cross(angle, turned) + rotate(rotation, change)

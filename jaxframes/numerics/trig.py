@@ -126,7 +126,7 @@ class _SinesCosines(Operation):
         return (s, c), (c * change, -s * change)
 
 
-def given_pairs(sines: Any, cosines: Any, first: int = 0) -> Half:
+def precomputed_pairs(sines: Any, cosines: Any, first: int = 0) -> Half:
     """Return the function that gives sines and cosines [n, ...] worked out before, in the order in which they are asked for.
 
     Args:
@@ -138,18 +138,18 @@ def given_pairs(sines: Any, cosines: Any, first: int = 0) -> Half:
 
     def pair(x: Component) -> Pair:
         i = next(rest)
-        return _given(x, *(lax.index_in_dim(part, i, 0, keepdims=False) for part in (sines, cosines)))
+        return _precomputed(x, *(lax.index_in_dim(part, i, 0, keepdims=False) for part in (sines, cosines)))
 
     return pair
 
 
 @jax.custom_jvp
-def _given(x: jax.Array, s: jax.Array, c: jax.Array) -> tuple[jax.Array, jax.Array]:
+def _precomputed(x: jax.Array, s: jax.Array, c: jax.Array) -> tuple[jax.Array, jax.Array]:
     return s, c
 
 
-@_given.defjvp
-def _given_jvp(primals: Any, tangents: Any) -> Any:
+@_precomputed.defjvp
+def _precomputed_jvp(primals: Any, tangents: Any) -> Any:
     _, s, c = primals
     return (s, c), (c * tangents[0], -s * tangents[0])
 

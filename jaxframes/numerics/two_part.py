@@ -13,6 +13,8 @@ from jax import lax
 
 Array = Any
 """A NumPy or a JAX array."""
+Pair = tuple[jax.Array, jax.Array]
+"""A number as the unevaluated sum of two."""
 
 
 @jax.custom_jvp
@@ -65,6 +67,26 @@ def _halves(a: jax.Array) -> tuple[jax.Array, jax.Array]:
     return high, a - high
 
 
+def add(a: Pair, b: Pair) -> Pair:
+    """Return a + b."""
+    s, e = two_sum(a[0], b[0])
+    return fast_two_sum(s, e + (a[1] + b[1]))
+
+
+def multiply(a: Pair, b: Pair) -> Pair:
+    """Return a * b."""
+    p, e = two_product(a[0], b[0])
+    return fast_two_sum(p, e + (a[0] * b[1] + a[1] * b[0]))
+
+
+def divide(a: Pair, b: Pair) -> Pair:
+    """Return a / b."""
+    q = a[0] / b[0]
+    p, e = two_product(q, b[0])
+    rest = ((a[0] - p) - e) + (a[1] - q * b[1])
+    return fast_two_sum(q, rest / b[0])
+
+
 def recast_pair(hi: Array, lo: Array, dtype: Any) -> tuple[Array, Array]:
     """Return a number kept in two parts as two parts of another dtype; what the high part loses moves to the low part.
 
@@ -87,7 +109,7 @@ _CUT: dict[str, tuple[Any, Any]] = {
 
 
 @jax.custom_jvp
-def turned(rate_hi: jax.Array, rate_lo: jax.Array, time_hi: jax.Array, time_lo: jax.Array) -> jax.Array:
+def turns_in(rate_hi: jax.Array, rate_lo: jax.Array, time_hi: jax.Array, time_lo: jax.Array) -> jax.Array:
     """Return rate times time modulo 2, about zero, in turns; all arguments of one dtype, broadcast.
 
     The error is that of a number near one, as long as there are fewer whole turns than the dtype counts exactly. The derivative is
@@ -99,11 +121,11 @@ def turned(rate_hi: jax.Array, rate_lo: jax.Array, time_hi: jax.Array, time_lo: 
     return _fraction(coarse + ((a_low * b_low) + (rate_lo * time_hi + rate_hi * time_lo)))
 
 
-@turned.defjvp
+@turns_in.defjvp
 def _turned_jvp(primals: tuple[jax.Array, ...], tangents: tuple[jax.Array, ...]) -> tuple[jax.Array, jax.Array]:
     rate_hi, rate_lo, time_hi, time_lo = primals
     d_rate, d_time = tangents[0] + tangents[1], tangents[2] + tangents[3]
-    return turned(*primals), (rate_hi + rate_lo) * d_time + (time_hi + time_lo) * d_rate
+    return turns_in(*primals), (rate_hi + rate_lo) * d_time + (time_hi + time_lo) * d_rate
 
 
 def _masked_halves(x: jax.Array) -> tuple[jax.Array, jax.Array]:

@@ -10,7 +10,6 @@ from jaxframes.errors import ShapeError
 from jaxframes.numerics.batch import tag
 from jaxframes.numerics.components import V3, cross
 from jaxframes.numerics.lift import lift
-from jaxframes.spatial import so3
 from jaxframes.spatial.value import LinearValue
 from jaxframes.staging.arrays import as_float
 
@@ -128,24 +127,3 @@ def _cross_motion(w: V3, v: V3, mw: V3, mv: V3) -> tuple[V3, V3]:
 @lift(V3, V3, V3, V3, out=(V3, V3))
 def _cross_force(w: V3, v: V3, torque: V3, force: V3) -> tuple[V3, V3]:
     return cross(w, torque) + cross(v, force), cross(w, force)
-
-
-@lift(V3, out=tuple)
-def _phi(r: V3) -> tuple[Any, ...]:
-    one, zero, s = jnp.ones_like(r.x), jnp.zeros_like(r.x), so3.skew(r)
-    rows = []
-    for i in range(3):
-        rows += [one if i == j else zero for j in range(3)] + list(s[3 * i : 3 * i + 3])
-    for i in range(3):
-        rows += [zero] * 3 + [one if i == j else zero for j in range(3)]
-    return tuple(rows)
-
-
-def phi(displacement: Any) -> jax.Array:
-    """Return the shift matrices [[I, [r]x], [0, I]] [..., 6, 6] of displacements r [..., 3], for [angular, linear] order.
-
-    ``phi(r)^T [w; v]`` is the velocity of the point r away: [w; v + w x r]; ``phi(r) [torque; force]`` moves a wrench from that
-    point back: [torque + r x force; force] (Jain 2011).
-    """
-    entries = _phi(displacement)
-    return entries.reshape(*entries.shape[:-1], 6, 6)

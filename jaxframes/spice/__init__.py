@@ -7,23 +7,12 @@ from jaxframes.spice.comparison import compare
 from jaxframes.spice.kernels import Kernels
 from jaxframes.spice.options import Tolerance
 from jaxframes.spice.reading.kernel_files import find_kernels
-from jaxframes.tables.attitude import AttitudeTable, CayleyTable
 from jaxframes.tables.crop_merge import crop, merge
-from jaxframes.tables.fixed import FixedFrame
-from jaxframes.tables.iau_model import IauOrientation
-from jaxframes.tables.orientation import OrientationTable
 from jaxframes.tables.store import contents, example_tables, load, save
-from jaxframes.tables.translation import TranslationTable
 
 __all__ = [
-    "AttitudeTable",
-    "CayleyTable",
-    "FixedFrame",
-    "IauOrientation",
     "Kernels",
-    "OrientationTable",
     "Tolerance",
-    "TranslationTable",
     "compare",
     "contents",
     "crop",

@@ -6,14 +6,16 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from jaxframes.errors import CoverageError, NoPathError, UnknownBodyError, suggest
+from jaxframes.errors import CoverageError, MissingKernelError, NoPathError, UnknownBodyError, suggest
 from jaxframes.spice.extraction.text_pck import has_text_pck
 from jaxframes.spice.reading.clocks import clock_of, read_leap_seconds
 from jaxframes.spice.reading.frame_chain import anchored
+from jaxframes.spice.reading.kernel_files import ELSEWHERE
 from jaxframes.spice.reading.naming import CK, DYNAMIC, INERTIAL, PCK, SWITCH, FrameFacts
 from jaxframes.spice.reading.pool import KernelPool
 from jaxframes.spice.reading.segments import coverage
 from jaxframes.tables.naif_ids import labelled
+from jaxframes.tables.records import METRES
 from jaxframes.time.calendar import tdb_text
 from jaxframes.time.scales import LeapSeconds
 
@@ -85,6 +87,44 @@ class Inventory:
         except NoPathError:
             return False
         return True
+
+    def radii(self, body: str | int) -> tuple[float, float, float]:
+        """Return the radii of a body's ellipsoid, m, as text PCK files give them: two of the equator, and that of the poles.
+
+        Args:
+            body: Body by name or id.
+
+        Raises:
+            UnknownBodyError: If it is unknown.
+            MissingKernelError: If no kernel loaded gives them.
+        """
+        a, b, c = self._constants(body, "RADII", 3)
+        return a * METRES, b * METRES, c * METRES
+
+    def gm(self, body: str | int) -> float:
+        """Return the gravitational parameter of a body, m3/s2, as a text PCK such as NAIF's gm_de440.tpc gives it.
+
+        Args:
+            body: Body by name or id.
+
+        Raises:
+            UnknownBodyError: If it is unknown.
+            MissingKernelError: If no kernel loaded gives it.
+        """
+        (value,) = self._constants(body, "GM", 1)
+        return value * METRES**3
+
+    def _constants(self, body: str | int, what: str, count: int) -> list[float]:
+        number = self._pool.body(body, "body")
+        name = f"BODY{number}_{what}"
+        found = self._pool.numbers([name], doing=f"reading {name}")[name]
+        if found is None or len(found) != count:
+            held = "" if found is None else f" (it holds {len(found)} numbers, not {count})"
+            raise MissingKernelError(
+                f"No kernel loaded gives {name}{held}: load a text PCK (.tpc) that does, such as pck00011.tpc (radii) or gm_de440.tpc "
+                f"(GM), from {ELSEWHERE}/pck."
+            )
+        return found
 
     def coverage(self, of: str | int) -> Listing:
         """Return the spans that the kernels cover a body or a frame in, like NAIF's ``brief``: id, name, start, stop, file.

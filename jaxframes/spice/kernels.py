@@ -8,7 +8,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from jaxframes.errors import NoPathError, SpiceError
+from jaxframes.errors import NoPathError
+from jaxframes.spice.bundle import bundle, several
 from jaxframes.spice.edge_source import KernelSource
 from jaxframes.spice.extraction import orientation as extracted_orientation
 from jaxframes.spice.extraction import translation as extracted_translation
@@ -26,6 +27,7 @@ from jaxframes.spice.options import (
     checked_size,
     checked_timeout,
     checked_tolerance,
+    one_of,
 )
 from jaxframes.spice.reading.kernel_files import kernel_files
 from jaxframes.spice.reading.pool import KernelPool
@@ -34,11 +36,10 @@ from jaxframes.tables.attitude import AttitudeTable, CayleyTable
 from jaxframes.tables.fixed import FixedFrame
 from jaxframes.tables.iau_model import IauOrientation
 from jaxframes.tables.instants import Instant
-from jaxframes.tables.naif_ids import J2000, labelled
+from jaxframes.tables.naif_ids import labelled
 from jaxframes.tables.orientation import OrientationTable
-from jaxframes.tables.placing import OffersEdges, place
+from jaxframes.tables.placing import OffersEdges
 from jaxframes.tables.translation import TranslationTable
-from jaxframes.tree.builder import TreeBuilder
 from jaxframes.tree.frame_tree import FrameTree
 
 
@@ -88,11 +89,25 @@ class Kernels(Inventory, OffersEdges):
         """End the process that holds the kernels; tables made before stay as they are."""
         self._pool.close()
 
+    def load(self, paths: Iterable[str | os.PathLike[str]] | str | os.PathLike[str]) -> None:
+        """Load further kernels, which win over those that are loaded already; tables made before stay as they are.
+
+        Args:
+            paths: As for the class.
+
+        Raises:
+            MissingKernelError: If a file is missing.
+            BadKernelError: If a file is no kernel, or is damaged. Those before it stay loaded.
+        """
+        self._pool.load(kernel_files(paths))
+
     def translation(
         self,
         *,
-        target: str | int,
-        center: str | int,
+        target: str | int | None = None,
+        center: str | int | None = None,
+        of: str | int | None = None,
+        relative_to: str | int | None = None,
         frame: str = "J2000",
         start: Instant | None = None,
         stop: Instant | None = None,
@@ -111,8 +126,11 @@ class Kernels(Inventory, OffersEdges):
         Args:
             target: Body by name or id, e.g. ``"MOON"``, ``301``; ``"SSB"`` is the Solar System barycentre.
             center: Body that the parent frame is centred on; for corrected states the observer.
+            of: Another name of ``target``, that of the queries of a tree.
+            relative_to: Another name of ``center``, likewise.
             frame: Inertial frame whose axes parent and child have.
-            start: Start of the coverage: TDB calendar text, ET seconds, or ``Epoch``. Default: from where the kernels have data.
+            start: Start of the coverage: text as ``Epoch.from_text`` reads it, ET seconds, or ``Epoch``. Default: from where the
+                kernels have data.
             stop: End of the coverage. Default: as far as the kernels have data.
             tolerance: Fit to within these errors, with as few bytes as possible.
             size: Fit in at most so many bytes (float64), as well as possible; with ``tolerance`` the table must meet both.
@@ -131,15 +149,15 @@ class Kernels(Inventory, OffersEdges):
             ToleranceError: If no table meets the tolerance: names the errors that were reached.
         """
         pool = self._pool
-        of, relative = pool.body(target, "target"), pool.body(center, "center")
-        names = pool.body_name(of), pool.body_name(relative)
-        if of == relative:
-            raise NoPathError(f"target and center are the same body, {labelled(names[0], of)}: use jf.edges.Fixed().")
+        body, base = pool.body(*one_of(target=target, of=of)), pool.body(*one_of(center=center, relative_to=relative_to))
+        names = pool.body_name(body), pool.body_name(base)
+        if body == base:
+            raise NoPathError(f"target and center are the same body, {labelled(names[0], body)}: use jf.edges.Fixed().")
         correction, axes = checked_correction(correction), pool.inertial_frame(frame, "frame").name
-        bounds = pool.span(start, stop, "SPK", (of, relative))
+        bounds = pool.span(start, stop, "SPK", (body, base))
         tolerance, size = checked_tolerance(tolerance), checked_size(size)
         layout = checked_layout(layout, tolerance is not None or size is not None or correction != "NONE")
-        looked_up = (names[0], of, names[1], relative, axes)
+        looked_up = (names[0], body, names[1], base, axes)
         request = TranslationRequest(looked_up, bounds, tolerance, size, layout, correction, compose)
         return (fitted_translation if request.fitted else extracted_translation).translation(pool, request)
 
@@ -193,7 +211,15 @@ class Kernels(Inventory, OffersEdges):
         return edge.replace(info=replace(edge.info, center=of.center))
 
     def states(
-        self, *, target: str | int, center: str | int, times: Any, frame: str = "J2000", correction: str = "NONE"
+        self,
+        *,
+        target: str | int | None = None,
+        center: str | int | None = None,
+        of: str | int | None = None,
+        relative_to: str | int | None = None,
+        times: Any,
+        frame: str = "J2000",
+        correction: str = "NONE",
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return what CSPICE itself says (``spkez``): positions [n, 3] in m and velocities [n, 3] in m/s.
 
@@ -202,6 +228,8 @@ class Kernels(Inventory, OffersEdges):
         Args:
             target: Body by name or id.
             center: Body that the states are relative to.
+            of: Another name of ``target``.
+            relative_to: Another name of ``center``.
             times: Seconds past J2000 TDB, [n].
             frame: Frame of the axes.
             correction: SPICE's aberration correction.
@@ -209,9 +237,9 @@ class Kernels(Inventory, OffersEdges):
         Raises:
             SpiceError: If CSPICE has no answer for one of the epochs.
         """
-        pool = self._pool
-        of, relative, axes = pool.body(target, "target"), pool.body(center, "center"), pool.frame(frame).name
-        return pool.states(of, relative, axes, np.asarray(times, float), correction, doing="computing states")
+        pool, axes = self._pool, self._pool.frame(frame).name
+        body, base = pool.body(*one_of(target=target, of=of)), pool.body(*one_of(center=center, relative_to=relative_to))
+        return pool.states(body, base, axes, np.asarray(times, float), correction, doing="computing states")
 
     def rotations(self, *, frame: str, times: Any, relative_to: str = "J2000") -> tuple[np.ndarray, np.ndarray]:
         """Return what CSPICE itself says (``sxform``): rotation matrices o_R_p [n, 3, 3] and angular velocities [n, 3] in rad/s.
@@ -227,6 +255,7 @@ class Kernels(Inventory, OffersEdges):
         *,
         bodies: str | int | Sequence[str | int] = (),
         frames: str | int | Sequence[str | int | tuple[str | int, str | int | None]] = (),
+        root: str | int | None = None,
         start: Instant | None = None,
         stop: Instant | None = None,
         ck: str = "smooth",
@@ -235,7 +264,9 @@ class Kernels(Inventory, OffersEdges):
     ) -> FrameTree:
         """Return a tree of bodies and frames, ready to be queried: any of them relative to any other.
 
-        The root ``"SSB"`` is the Solar System barycentre with J2000 axes. Each body is a frame with J2000 axes under its SPICE name
+        The root is the body with J2000 axes that the kernels' data meet at: ``"SSB"``, the Solar System barycentre, where they reach it,
+        else the last that all bodies' positions are relative to, or the one that all frames belong to. Each body is a frame with J2000
+        axes under its SPICE name
         (``"EARTH"``), below the body that its segments are relative to; the bodies between are there too. Each frame is below
         the body that is its centre, or the frame that it is fixed to or that its C-kernel turns it against, under its SPICE name
         (``"ITRF93"``).
@@ -245,6 +276,7 @@ class Kernels(Inventory, OffersEdges):
             bodies: Bodies by name or id; one alone needs no list.
             frames: SPICE frames by name or id, placed at the body that is their centre; or pairs (body, frame), placed at this body, as
                 ``add_spice(body=, frame=)`` does: frame None or 999999 is the default frame. One name or id alone needs no list.
+            root: Body to take as the root, by name or id.
             start: Start of the coverage, as in ``translation``. Default: from where the kernels have data, whatever the size.
             stop: End of the coverage.
             ck: How C-kernels are read between their knots, as in ``orientation``.
@@ -261,13 +293,8 @@ class Kernels(Inventory, OffersEdges):
             CoverageError: If the kernels do not cover the span.
             ToleranceError: If a fit cannot be as good, or the tolerance says nothing about it.
         """
-        builder, source = TreeBuilder(root="SSB"), self.edge_source(start=start, stop=stop, ck=ck, bridge=bridge, tolerance=tolerance)
-        builder.set_properties("SSB", {"spice_body": 0, "spice_frame": J2000, "spice_body_name": "SSB", "spice_frame_name": "J2000"})
-        for body in _several(bodies, "bodies"):
-            place(builder, source, body, J2000)
-        for frame in _several(frames, "frames"):
-            place(builder, source, *(_pair(frame) if isinstance(frame, (tuple, list)) else (self._pool.frame(frame).center, frame)))
-        return builder.build()
+        source = self.edge_source(start=start, stop=stop, ck=ck, bridge=bridge, tolerance=tolerance)
+        return bundle(self._pool, source, several(bodies, "bodies"), several(frames, "frames"), root)
 
     def edge_source(
         self,
@@ -280,18 +307,3 @@ class Kernels(Inventory, OffersEdges):
     ) -> KernelSource:
         """Return what ``TreeBuilder.add_spice`` takes its edges from; options as in ``tree``."""
         return KernelSource(self._pool, self.translation, self.orientation, start, stop, ck, bridge, tolerance)
-
-
-def _several(given: Any, role: str) -> Iterable[Any]:
-    """Return names, ids or pairs one by one, of which a user may give one alone."""
-    if isinstance(given, (str, int, np.integer)):
-        return [given]
-    if not isinstance(given, Iterable) or isinstance(given, bytes):
-        raise SpiceError(f"{role} = {given!r}: give a name or an id, or a list of them.")
-    return given
-
-
-def _pair(given: Sequence[Any]) -> Sequence[Any]:
-    if len(given) != 2:
-        raise SpiceError(f"frames = [..., {given!r}, ...]: give names or ids of frames, or pairs (body, frame).")
-    return given

@@ -66,6 +66,15 @@ def is_number(value: Any) -> bool:
     return isinstance(value, numbers.Real) and not isinstance(value, bool)
 
 
+def one_of(**given: Any) -> tuple[Any, str]:
+    """Return the one value that is given under several names, and its name (SpiceError unless exactly one is given)."""
+    named = [(value, name) for name, value in given.items() if value is not None]
+    if len(named) != 1:
+        found = " and ".join(f"{name}={value!r}" for value, name in named) or "neither"
+        raise SpiceError(f"give one of {'= and '.join(given)}=, which name the same body; found {found}.")
+    return named[0]
+
+
 def checked_tolerance(tolerance: Any) -> Tolerance | None:
     """Return a tolerance or None.
 

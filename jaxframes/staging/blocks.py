@@ -50,7 +50,7 @@ class Batch:
     results: tuple[bool, ...]
 
 
-def worked(work: Work, batch: Batch | None, *arrays: jax.Array) -> Sequence[jax.Array]:
+def run_work(work: Work, batch: Batch | None, *arrays: jax.Array) -> Sequence[jax.Array]:
     """Return what some work gives.
 
     Args:
@@ -67,7 +67,7 @@ WORK.multiple_results = True
 
 @functools.lru_cache(maxsize=1024)
 def _compiled(work: Work, batch: Batch | None) -> Any:
-    return jax.jit(functools.partial(worked, work, batch))
+    return jax.jit(functools.partial(run_work, work, batch))
 
 
 WORK.def_impl(lambda *arrays, work, batch: _compiled(work, batch)(*arrays))
@@ -122,8 +122,8 @@ class _Change(Work):
 def _derivative(primals: Arrays, tangents: Sequence[Any], *, work: Work, batch: Batch | None) -> tuple[Any, Any]:
     moved = tuple(i for i, tangent in enumerate(tangents) if not isinstance(tangent, ad.Zero))
     over = batch and Batch(batch.count, (*batch.inputs, *(batch.inputs[i] for i in moved)), batch.results)
-    change = worked(_Change(work, moved), over, *primals, *(tangents[i] for i in moved))
-    return worked(work, batch, *primals), change
+    change = run_work(_Change(work, moved), over, *primals, *(tangents[i] for i in moved))
+    return run_work(work, batch, *primals), change
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,7 @@ def _transposed(cotangents: Sequence[Any], *arrays: Any, work: Work, batch: Batc
     kinds = tuple((arrays[i].aval.shape[own:], arrays[i].aval.dtype.name) for i, own in zip(linear, has_batch, strict=True))
     sized_by = next((i for i, own in enumerate(along) if own), None)
     over = batch and Batch(batch.count, along, has_batch)
-    found = worked(_Adjoint(work, linear, given, kinds, has_batch, sized_by), over, *inputs)
+    found = run_work(_Adjoint(work, linear, given, kinds, has_batch, sized_by), over, *inputs)
     back = dict(zip(linear, found, strict=True))
     return [back.get(i) for i in range(len(arrays))]
 
@@ -195,14 +195,14 @@ def _batched(arrays: Arrays, axes: Sequence[int | None], *, work: Work, batch: B
     moved = [a if axis is None else jnp.moveaxis(a, axis, 0) for a, axis in zip(arrays, axes, strict=True)]
     over = _Mapped(work, tuple(None if axis is None else 0 for axis in axes))
     # An axis around a batch is not cut: what is summed over the batch is wanted for each of its places.
-    results = worked(over, None, *moved) if batch else _along(over, count, moved)
+    results = run_work(over, None, *moved) if batch else _along(over, count, moved)
     return results, [0] * len(results)
 
 
 def _along(over: _Mapped, count: int, arrays: Sequence[jax.Array]) -> Sequence[jax.Array]:
     results = len(jax.eval_shape(lambda *given: tuple(over(*given)), *arrays))
     along = tuple(axis is not None for axis in over.axes)
-    return worked(over, Batch(count, along, (True,) * results) if isinstance(count, int) else None, *arrays)
+    return run_work(over, Batch(count, along, (True,) * results) if isinstance(count, int) else None, *arrays)
 
 
 ad.primitive_jvps[WORK] = _derivative

@@ -39,7 +39,7 @@ def assemble(components: Sequence[Component], shape: tuple[int, ...] | None = No
         dtype = jnp.result_type(*arrays) if arrays else default_float()
     if not arrays:
         return jnp.broadcast_to(jnp.asarray(np.array(components), dtype), (*shape, len(components)))
-    return joined(aligned(*(jnp.asarray(c, dtype) for c in components), shape=shape))
+    return join_columns(aligned(*(jnp.asarray(c, dtype) for c in components), shape=shape))
 
 
 def take_apart(array: jax.Array) -> tuple[jax.Array, ...]:
@@ -61,7 +61,7 @@ def parameters(array: jax.Array, batch_rank: int = 0) -> tuple[Component, ...]:
     return take_apart(array)
 
 
-def joined(components: Sequence[jax.Array]) -> jax.Array:
+def join_columns(components: Sequence[jax.Array]) -> jax.Array:
     """Return the array [..., k] of k components of one shape and dtype."""
     return _join.bind(*components)
 
@@ -71,7 +71,7 @@ def column(array: jax.Array, index: int) -> jax.Array:
     return _take.bind(array, index=index)
 
 
-def _joined(*components: jax.Array) -> jax.Array:
+def _columns_joined(*components: jax.Array) -> jax.Array:
     k, first = len(components), components[0]
     place = _places(first, k)
     out = _repeated(components[-1], k)
@@ -84,7 +84,7 @@ def _taken(array: jax.Array, *, index: int) -> jax.Array:
     return lax.index_in_dim(array, index, array.ndim - 1, keepdims=False)
 
 
-def _put(component: jax.Array, *, index: int, count: int) -> jax.Array:
+def _one_column(component: jax.Array, *, index: int, count: int) -> jax.Array:
     """Return an array [..., count] that holds a component at one place and zeros elsewhere."""
     place, wide = _places(component, count), _repeated(component, count)
     return lax.select(lax.eq(place, lax.full_like(place, index)), wide, lax.full_like(wide, 0))
@@ -127,9 +127,9 @@ def _primitive(name: str, function: Callable[..., jax.Array], transpose: Callabl
     return made
 
 
-_join = _primitive("join_columns", _joined, lambda ct, *components: [column(ct, i) for i in range(len(components))])
+_join = _primitive("join_columns", _columns_joined, lambda ct, *components: [column(ct, i) for i in range(len(components))])
 _take = _primitive("take_column", _taken, lambda ct, array, *, index: [_place.bind(ct, index=index, count=array.aval.shape[-1])])
-_place = _primitive("place_column", _put, lambda ct, component, *, index, count: [column(ct, index)])
+_place = _primitive("place_column", _one_column, lambda ct, component, *, index, count: [column(ct, index)])
 
 _apart = Primitive("take_columns_apart")
 _apart.multiple_results = True
@@ -149,7 +149,7 @@ def _joined_again(cotangents: Sequence[Any], array: Any) -> list[Any]:
     if not given:
         return [ad.Zero(array.aval)]
     zero = jnp.zeros_like(given[0])
-    return [joined(alike(*(zero if isinstance(ct, ad.Zero) else ct for ct in cotangents)))]
+    return [join_columns(alike(*(zero if isinstance(ct, ad.Zero) else ct for ct in cotangents)))]
 
 
 def _apart_batched(arguments: Sequence[jax.Array], axes: Sequence[int | None]) -> tuple[Sequence[jax.Array], Sequence[int]]:

@@ -78,7 +78,7 @@ def _variables(atoms: Sequence[Any]) -> list[Any]:
     return [atom for atom in atoms if not isinstance(atom, Literal)]  # the others are numbers written into the program
 
 
-def _opened(traced: Any) -> tuple[Any, Sequence[Any]]:
+def _equations_and_arrays(traced: Any) -> tuple[Any, Sequence[Any]]:
     """Return the equations of a traced function and the arrays it holds (jax 0.12 has one class for both of 0.10's)."""
     return (traced.jaxpr, traced.consts) if isinstance(traced, ClosedJaxpr) else (traced, ())
 
@@ -87,7 +87,7 @@ def _same(one: Any, other: Any) -> bool:
     """Return whether two traced functions are the same, equation by equation."""
     if one is other:
         return True
-    (a, held), (b, others) = _opened(one), _opened(other)
+    (a, held), (b, others) = _equations_and_arrays(one), _equations_and_arrays(other)
     if len(held) != len(others) or any(x is not y for x, y in zip(held, others, strict=True)):
         return False
     names: dict[Any, Any] = dict(zip((*a.constvars, *a.invars), (*b.constvars, *b.invars), strict=False))

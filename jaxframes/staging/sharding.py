@@ -53,7 +53,7 @@ def alike(*arrays: jax.Array) -> list[jax.Array]:
     return [_laid(a, list(arrays)) for a in arrays] if any(map(is_explicit, arrays)) else list(arrays)
 
 
-def stacked(arrays: Sequence[jax.Array], axis: int) -> jax.Array:
+def stack_arrays(arrays: Sequence[jax.Array], axis: int) -> jax.Array:
     """Return arrays of one shape stacked on a new axis."""
     return jnp.stack(alike(*arrays), axis)
 

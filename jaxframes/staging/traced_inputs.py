@@ -1,4 +1,4 @@
-"""Sources: components that are made of whole arrays within the stage that reads them.
+"""Traced inputs: components that are made of whole arrays within the stage that reads them.
 
 What a stage is given must lie in memory. Given a state's array [..., n] it reads the columns that it needs and works out what they become
 in the loop that uses them; given the columns, each would be copied first, and each gradient put back by itself.
@@ -18,12 +18,12 @@ from jaxframes.staging.jaxprs import Program
 from jaxframes.staging.operation import changes_of
 
 Made = Any
-"""What a source makes: a structure whose leaves are components."""
+"""What a traced input is read as: a structure whose leaves are components."""
 Recipe = Callable[..., Made]
 """Makes a structure of components of arrays; hashable, equal by value, and without arrays of its own."""
 
 
-class Source(NamedTuple):
+class TracedInput(NamedTuple):
     """A structure of components as a function of arrays.
 
     Attributes:

@@ -11,16 +11,15 @@ import numpy as np
 from jaxframes.edges.base import Inputs
 from jaxframes.edges.family import family
 from jaxframes.errors import MissingInputError
-from jaxframes.numerics.components import V3, Component, Quat, cross, dot, quat_mul, rotate, select
+from jaxframes.numerics.components import V3, Quat, quat_mul, select
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
-from jaxframes.numerics.trig import sin_cos
 from jaxframes.staging.columns import assemble, take_apart
 from jaxframes.staging.sharding import rows_at
 from jaxframes.staging.stages import stage
-from jaxframes.tables import evaluate
+from jaxframes.tables import evaluate, formulas
 from jaxframes.tables.base import Table, checked_order, two_parts
-from jaxframes.tables.evaluate import Run
+from jaxframes.tables.evaluate import DEVICE, Run
 from jaxframes.tables.info import Info
 from jaxframes.tables.records import RecordTable
 from jaxframes.tables.report import report
@@ -90,19 +89,12 @@ def _knots(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, o
     """Return the motion between knots; ``AttitudeTable`` says how."""
 
     def work(run: Run, hi: jax.Array, lo: jax.Array) -> jax.Array:
-        run = run.opened(hi.ndim)
+        run = run.as_read(hi.ndim)
         (records,) = run.record_tables
         dt_hi, dt_lo = evaluate.since_reference(run, hi, lo)
         row = jnp.moveaxis(rows_at(records.rows, records.serving(dt_hi, dt_lo)), -1, 0)
-        length = row[-1]
-        u = (((dt_hi - row[-3]) + (dt_lo - row[-2])) + _outside(run, dt_hi, dt_lo)) / length
-        start, axis, half = Quat(*row[:4]), V3(*row[4:7]), row[7]
-        first, second = V3(*row[8:11]), V3(*row[11:14])
-        slerp = quat_mul(_rotation_about(axis, half * u), start)
-        if mode == "spice":
-            return _as_array([slerp, first + (second - first) * u, (second - first) * (1 / length)], order)
-        g, g1, g2 = _bubble(first, second, u, length)
-        return _as_array(_cayley(g, g1, g2, slerp, axis * (half * 2 / length)), order)
+        u = (((dt_hi - row[-3]) + (dt_lo - row[-2])) + _outside(run, dt_hi, dt_lo)) / row[-1]
+        return _as_array(formulas.knot_motion(row, u, mode, DEVICE), order)
 
     return stage(work)(run, *evaluate.recast(hi, lo, run.record_tables[0].rows.dtype))
 
@@ -111,17 +103,17 @@ def _series(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, 
     """Return the motion by Cayley series; ``CayleyTable`` says how."""
 
     def work(run: Run, spins: jax.Array, hi: jax.Array, lo: jax.Array, values: Sequence[jax.Array]) -> jax.Array:
-        run = run.opened(hi.ndim)
+        run = run.as_read(hi.ndim)
         (records,) = run.record_tables
         dt_hi, dt_lo = evaluate.since_reference(run, hi, lo)
         index = records.serving(dt_hi, dt_lo)
         spin = jnp.moveaxis(rows_at(spins, index), -1, 0)
         times = jnp.moveaxis(rows_at(records.rows[..., -3:], index), -1, 0)
         tau = (dt_hi - times[0]) + (dt_lo - times[1])
-        reference = quat_mul(_rotation_about(V3(*spin[4:7]), spin[7] * tau), Quat(*spin[:4]))
+        reference = quat_mul(formulas.rotation_about(V3(*spin[4:7]), spin[7] * tau, DEVICE), Quat(*spin[:4]))
         zero = V3(0.0, 0.0, 0.0)
         g, g1, g2 = (*(V3(*values[i : i + 3]) for i in range(0, len(values), 3)), zero, zero)[:3]
-        return _as_array(_cayley(g, g1, g2, reference, V3(*spin[4:7]) * (spin[7] * 2)), order)
+        return _as_array(formulas.cayley(g, g1, g2, reference, V3(*spin[4:7]) * (spin[7] * 2), DEVICE), order)
 
     hi, lo = evaluate.recast(hi, lo, run.record_tables[0].rows.dtype)
     return stage(work)(run, *rest, hi, lo, evaluate.evaluate(run, hi, lo, order))
@@ -196,34 +188,3 @@ class CayleyTable(Attitude):
 def _outside(run: Run, dt_hi: jax.Array, dt_lo: jax.Array) -> jax.Array:
     since, until = evaluate.margins(run, dt_hi, dt_lo)
     return select((since >= 0) & (until >= 0), np.zeros((), dt_hi.dtype), np.array(np.nan, dt_hi.dtype))
-
-
-def _rotation_about(axis: V3, half: Component) -> Quat:
-    """Return the rotation about a unit axis by twice an angle."""
-    s, c = sin_cos(half)
-    return Quat(c, *(axis * s))
-
-
-def _bubble(g0: V3, g1: V3, u: jax.Array, length: jax.Array) -> tuple[V3, V3, V3]:
-    """Return g and its two derivatives by time: g0 u (1-u)^2 - g1 u^2 (1-u)."""
-    v, per = 1 - u, 1 / length
-    value = g0 * (u * v * v) - g1 * (u * u * v)
-    rate = (g0 * (v * (1 - 3 * u)) - g1 * (u * (2 - 3 * u))) * per
-    rate2 = (g0 * (6 * u - 4) - g1 * (2 - 6 * u)) * (per * per)
-    return value, rate, rate2
-
-
-def _cayley(g: V3, rate: V3, rate2: V3, reference: Quat, spin: V3) -> list[Any]:
-    """Return attitude, angular velocity and acceleration of Cayley(g) before a reference that spins uniformly.
-
-    With p = (1, g): w_g = 2 vec(p' p*) / |p|^2, alpha_g = 2 vec(p'' p*) / |p|^2 - 2 w_g (p . p') / |p|^2; the reference adds R_g spin and
-    w_g x R_g spin.
-    """
-    square = dot(g, g) + 1.0
-    inverse = 1 / square
-    root = jnp.sqrt(inverse)
-    rotation = Quat(root, *(g * root))
-    own = (rate + cross(g, rate)) * (2 * inverse)
-    own2 = (rate2 + cross(g, rate2)) * (2 * inverse) - own * (2 * dot(g, rate) * inverse)
-    carried = rotate(rotation, spin)
-    return [quat_mul(rotation, reference), own + carried, own2 + cross(own, carried)]

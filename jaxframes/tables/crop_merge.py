@@ -27,7 +27,7 @@ def crop(table: T, start: Instant | None = None, stop: Instant | None = None) ->
 
     Args:
         table: Any table.
-        start: New start; TDB calendar text, seconds past J2000 TDB, or ``Epoch``. Default: as it is.
+        start: New start; calendar text with its scale, seconds past J2000 TDB, or ``Epoch``. Default: as it is.
         stop: New end. Default: as it is.
 
     Raises:

@@ -8,7 +8,7 @@ from jaxframes.edges.base import Edge
 from jaxframes.errors import EdgeError, NoPathError, suggest
 from jaxframes.tables.fixed import FixedFrame
 from jaxframes.tables.info import Info
-from jaxframes.tables.naif_ids import CENTERS, INERTIAL, J2000, body_named, name_of
+from jaxframes.tables.naif_ids import CENTERS, INERTIAL, J2000, body_named, name_of, same_as_j2000
 from jaxframes.tables.placing import EdgeSource
 from jaxframes.tables.table_edge import TableEdge
 
@@ -55,6 +55,8 @@ class TableSource(EdgeSource):
                 names = ", ".join(info.of for info in own)
                 raise NoPathError(f"Several tables orient frames of body {body}: {names}. Name one: frame={own[0].of!r}.")
             return own[0].of_id, own[0].of
+        if same_as_j2000(frame):
+            return J2000, "J2000"
         for number, name in known.items():
             if frame == number or (isinstance(frame, str) and frame.strip().upper() in (name, str(number))):
                 return number, name

@@ -17,18 +17,27 @@ import numpy as np
 from jax import lax
 
 from jaxframes.numerics.components import select
-from jaxframes.numerics.two_part import recast_pair, two_sum
+from jaxframes.numerics.trig import sin_cos
+from jaxframes.numerics.two_part import recast_pair, turns_in, two_sum
 from jaxframes.staging.columns import assemble
 from jaxframes.staging.operation import Mapped, Operation
 from jaxframes.staging.operation import run as operate
 from jaxframes.staging.sharding import is_large, like, may_block, rows_at
 from jaxframes.staging.stages import stage
-from jaxframes.tables.chebyshev import series
+from jaxframes.tables.formulas import Functions, record
 from jaxframes.tables.records import RecordTable, of_tables
 
 BLOCK = 512
 """Epochs a block on CPU."""
 
+
+def _turns(rate: Any, rate_low: Any, hi: jax.Array, lo: jax.Array) -> jax.Array:
+    rate, rate_low = (jnp.broadcast_to(jnp.asarray(x, hi.dtype), hi.shape) for x in (rate, rate_low))
+    return turns_in(rate, rate_low, hi, lo)
+
+
+DEVICE = Functions(sin_cos, jnp.sqrt, _turns)
+"""What the formulas of tables take of JAX."""
 Values: TypeAlias = tuple[jax.Array, ...]
 """Three components of the value, then three of each derivative: 3 (order + 1) arrays of the batch's shape; or, as vectors, order + 1
 arrays [..., 3]."""
@@ -55,7 +64,7 @@ class Run:
         counts = self.record_tables[0].counts
         return None if counts is None else len(counts)
 
-    def opened(self, rank: int, which: jax.Array | None = None) -> "Run":
+    def as_read(self, rank: int, which: jax.Array | None = None) -> "Run":
         """Return the run as samples read it; that of one table is itself.
 
         Args:
@@ -65,7 +74,7 @@ class Run:
         if self.count is None:
             return self
         facts = (of_tables(values, rank, which) for values in (self.reference, self.span))
-        return Run(tuple(records.opened(rank, which) for records in self.record_tables), *facts)
+        return Run(tuple(records.as_read(rank, which) for records in self.record_tables), *facts)
 
 
 def evaluate(run: Run, hi: Any, lo: Any, order: int, vectors: bool = False) -> Values:
@@ -166,7 +175,7 @@ def _by_coefficients(
     """Return the change of the values with the coefficients: the same sums with the coefficients' tangents in their place."""
 
     def work(run: Run, tangents: Sequence[jax.Array | None], hi: jax.Array, lo: jax.Array) -> Sequence[jax.Array]:
-        values = _components(order, run.opened(hi.ndim), hi, lo, tangents)
+        values = _components(order, run.as_read(hi.ndim), hi, lo, tangents)
         return _vectors(values) if vectors else values
 
     return stage(work)(run, tangents, hi, lo)
@@ -176,7 +185,7 @@ def _plain(order: int, vectors: bool, run: Run, hi: jax.Array, lo: jax.Array) ->
     """Return the values of a batch of any shape at once."""
 
     def work(run: Run, hi: jax.Array, lo: jax.Array) -> Values:
-        values = _components(order, run.opened(hi.ndim), hi, lo)
+        values = _components(order, run.as_read(hi.ndim), hi, lo)
         return _vectors(values) if vectors else values
 
     return stage(work)(run, hi, lo)
@@ -197,7 +206,7 @@ def _in_blocks(order: int, vectors: bool, run: Run, hi: jax.Array, lo: jax.Array
     def block(i: jax.Array, out: Values) -> Values:
         at = jnp.minimum(i * BLOCK, count - BLOCK)
         which = None if run.count is None else (at + lax.iota(at.dtype, BLOCK)) % run.count
-        values = _components(order, run.opened(1, which), lax.dynamic_slice(hi, (at,), (BLOCK,)), lax.dynamic_slice(lo, (at,), (BLOCK,)))
+        values = _components(order, run.as_read(1, which), lax.dynamic_slice(hi, (at,), (BLOCK,)), lax.dynamic_slice(lo, (at,), (BLOCK,)))
         if not vectors:
             return tuple(lax.dynamic_update_slice_in_dim(o, v, at, 0) for o, v in zip(out, values, strict=True))
         # Column by column: putting vectors together first computes each component three times (measured: 1.3 times the whole).
@@ -246,27 +255,5 @@ def _values(order: int, records: RecordTable, rows: jax.Array, dt_hi: jax.Array,
     row = place if rows is records.rows else jnp.moveaxis(rows_at(rows, index), -1, 0)
     middle_hi, middle_lo, radius = place[-3], place[-2], place[-1]
     s = (((dt_hi - middle_hi) + (dt_lo - middle_lo)) + outside) / radius
-    out: list[list[jax.Array]] = [[] for _ in range(order + 1)]
-    for axis in range(3):
-        if records.series == 3:
-            parts = _scaled(series(_terms(records, row, axis), s, order), radius)
-        else:
-            parts = [series(_terms(records, row, axis), s, 0)[0]]
-            if order > 0:
-                parts += _scaled(series(_terms(records, row, axis + 3), s, order - 1), radius)
-        for k, part in enumerate(parts):
-            out[k].append(part)
-    return [component for components in out for component in components]
-
-
-def _terms(records: RecordTable, row: jax.Array, which: int) -> list[jax.Array]:
-    return [row[j * records.series + which] for j in range(records.terms)]
-
-
-def _scaled(derivatives: tuple[jax.Array, ...], radius: jax.Array) -> list[jax.Array]:
-    """Return derivatives with respect to time from those with respect to the argument in [-1, 1]."""
-    out, power = [derivatives[0]], radius
-    for derivative in derivatives[1:]:
-        out.append(derivative / power)
-        power = power * radius
-    return out
+    coefficients = [[row[j * records.series + which] for j in range(records.terms)] for which in range(records.series)]
+    return record(coefficients, s, radius, order)

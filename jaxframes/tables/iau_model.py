@@ -10,25 +10,22 @@ import numpy as np
 from jaxframes.edges.base import Inputs
 from jaxframes.edges.family import family
 from jaxframes.errors import MissingInputError
-from jaxframes.numerics.components import V3, Component, Quat, add, add_all, mul, neg
+from jaxframes.numerics.components import V3, Component, Quat
 from jaxframes.numerics.packed import Kind
-from jaxframes.numerics.path_motion import extend, made
+from jaxframes.numerics.path_motion import extend, steps_at_hand
 from jaxframes.numerics.steps import Step
-from jaxframes.numerics.trig import sin_cos
-from jaxframes.numerics.two_part import recast_pair, turned, two_sum
+from jaxframes.numerics.two_part import recast_pair, two_sum
 from jaxframes.staging.arrays import default_float, is_concrete
 from jaxframes.staging.columns import assemble, parameters, take_apart
 from jaxframes.staging.stages import stage
 from jaxframes.tables.base import checked_order, two_parts
-from jaxframes.tables.evaluate import recast
+from jaxframes.tables.evaluate import DEVICE, recast
+from jaxframes.tables.formulas import euler_steps, model_angles
 from jaxframes.tables.info import Info
 from jaxframes.tables.instants import split
-from jaxframes.tables.orientation import attitude_of, euler_steps
+from jaxframes.tables.orientation import attitude_of
 from jaxframes.tables.table_edge import TableEdge
 
-CENTURY = 36525 * 86400.0
-"""Seconds of a Julian century."""
-TURN = 2 * np.pi
 PAIRED = ("polynomials", "phases", "reference")
 
 
@@ -134,18 +131,9 @@ class IauOrientation(TableEdge):
         dtype = self.phases.dtype
         dt_hi, error = two_sum(jnp.asarray(hi, dtype), -jnp.asarray(self.reference[0]))
         time = dt_hi, error + (lo - self.reference[1])
-        sums: list[list[Component]] = [list(_polynomial(_numbers(row), time, order)) for row in _rows(self.polynomials)]
-        for phase, row in zip(_rows(self.phases), _rows(self.amplitudes), strict=True):
-            angle = _polynomial(_numbers(phase), time, order)
-            s, c = sin_cos(angle[0])
-            sines, cosines = _chain(s, c, angle), _chain(c, neg(s), angle)
-            for total, amplitude, wave in zip(sums, (_number(row[i]) for i in range(3)), (sines, cosines, sines), strict=True):
-                for k, part in enumerate(wave):
-                    total[k] = add(total[k], mul(amplitude, part))
-        ra, dec, w = sums
-        quarter = TURN / 4
-        first = [add(ra[0], quarter), add(neg(dec[0]), quarter), w[0]]
-        return [*first, *(x for k in range(1, order + 1) for x in (ra[k], neg(dec[k]), w[k]))]
+        polynomials, phases = ([_numbers(row) for row in _rows(array)] for array in (self.polynomials, self.phases))
+        amplitudes = [[_number(row[i]) for i in range(3)] for row in _rows(self.amplitudes)]
+        return model_angles(polynomials, phases, amplitudes, time, order, DEVICE)
 
 
 def _rows(array: jax.Array) -> list[Any]:
@@ -162,35 +150,9 @@ def _numbers(row: Any) -> list[tuple[Component, Component]]:
     return [(_number(row[i, 0]), _number(row[i, 1])) for i in range(row.shape[0])]
 
 
-def _polynomial(terms: list[tuple[Component, Component]], time: tuple[jax.Array, jax.Array], order: int) -> tuple[Component, ...]:
-    """Return an angle in rad and its derivatives; ``terms`` are the pairs of constant, rate and higher coefficients."""
-    hi, lo = time
-    rate, rate_low = (jnp.broadcast_to(jnp.asarray(x, hi.dtype), hi.shape) for x in terms[1])
-    out: list[Component] = [add_all(turned(rate, rate_low, hi, lo), *terms[0]), add(*terms[1]), 0.0]
-    centuries = (hi + lo) * (1 / CENTURY)
-    for power, (coefficient, _) in enumerate(terms[2:], 2):
-        scale = coefficient
-        for k in range(3):
-            # The k-th derivative of c x^n, x = t / century: c n (n-1) ... x^(n-k) / century^k.
-            moved = mul(scale, centuries ** (power - k)) if power > k else scale
-            out[k] = add(out[k], moved)
-            scale = mul(scale, (power - k) / CENTURY)
-    return tuple(mul(x, TURN) for x in out[: order + 1])
-
-
-def _chain(value: Component, slope: Component, angle: tuple[Component, ...]) -> list[Component]:
-    """Return a sine or cosine of an angle (its value and slope) and its time derivatives."""
-    out = [value]
-    if len(angle) > 1:
-        out.append(mul(slope, angle[1]))
-    if len(angle) > 2:
-        out.append(add(mul(slope, angle[2]), neg(mul(value, mul(angle[1], angle[1])))))
-    return out
-
-
 @functools.partial(jax.jit, static_argnums=0)
 def _evaluate(order: int, edge: IauOrientation, hi: Any, lo: Any) -> tuple[jax.Array, ...]:
     dtype = edge.phases.dtype
     hi, lo = recast(hi, lo, dtype)
-    steps = made(edge.steps(Inputs(time=(hi, lo)), order))
+    steps = steps_at_hand(edge.steps(Inputs(time=(hi, lo)), order))
     return attitude_of(extend((), steps, Kind(hi.shape, dtype, order)))

@@ -9,7 +9,8 @@ import numpy as np
 
 from jaxframes.errors import FrameError, SpiceError
 from jaxframes.staging.arrays import default_float
-from jaxframes.time.epoch import tdb_seconds, tdb_text
+from jaxframes.time.calendar import tdb_text
+from jaxframes.time.scales import SHIPPED_LEAP_SECONDS
 
 DAY = 86400
 
@@ -28,15 +29,15 @@ class TwoPart(Protocol):
 
 
 Instant: TypeAlias = str | float | Fraction | TwoPart
-"""What a user may give as an instant: TDB calendar text, seconds past J2000 TDB, or an epoch in two parts."""
+"""What a user may give as an instant: calendar text with its time scale, seconds past J2000 TDB, or an epoch in two parts."""
 
 
 def exact_seconds(value: Instant, name: str = "instant") -> Fraction:
     """Return an instant as exact seconds past J2000 TDB.
 
     Args:
-        value: Calendar text read as TDB (``"2026-01-01"``, ``"2026-01-01T12:30:00.5"``), seconds past J2000 TDB, or an object
-            with parts ``hi`` and ``lo`` (``jf.Epoch``).
+        value: Calendar text as ``jf.Epoch.from_text`` reads it (``"2026-01-01"``, ``"2026-01-01T12:30:00.5 UTC"``), seconds past J2000
+            TDB, or an object with parts ``hi`` and ``lo`` (``jf.Epoch``).
         name: What the value is, for the message.
 
     Raises:
@@ -44,17 +45,15 @@ def exact_seconds(value: Instant, name: str = "instant") -> Fraction:
     """
     if isinstance(value, str):
         try:
-            return tdb_seconds(value)
+            return SHIPPED_LEAP_SECONDS.tdb_of_text(value)
         except FrameError as error:
-            raise SpiceError(
-                f"{name}: {error}. For UTC text use jf.Epoch.from_utc; far years are given in seconds past J2000 TDB."
-            ) from error
+            raise SpiceError(f"{name}: {error}. Far years are given in seconds past J2000 TDB.") from error
     parts = (value.hi, value.lo) if isinstance(value, TwoPart) else (value,)
     try:
         return sum((part if isinstance(part, Fraction) else Fraction(float(part)) for part in parts), Fraction(0))
     except (TypeError, ValueError, OverflowError) as error:
         raise SpiceError(
-            f"{name} = {value!r} is no instant: give TDB calendar text such as '2026-01-01', seconds past J2000 TDB, or one jf.Epoch."
+            f"{name} = {value!r} is no instant: give calendar text such as '2026-01-01T12:00 UTC', seconds past J2000 TDB, or a jf.Epoch."
         ) from error
 
 

@@ -10,6 +10,23 @@ INERTIAL = (
 )
 """Names of the inertial frames, ids from 1 on."""
 
+SAME_AS_J2000 = ("ICRF", "ICRS", "GCRF", "GCRS", "EME2000")
+"""Other names of these axes: SPICE's J2000 is the ICRF, and so is what mission documents that use SPICE call EME2000."""
+NO_FRAMES = {
+    "TEME": "TEME is the frame of two-line elements (SGP4): true equator of date, mean equinox; it is no frame of SPICE",
+    "ECI": "ECI says that axes are inertial and not which: for most orbit data they are 'J2000'; those of two-line elements are TEME",
+    "ECEF": "ECEF says that axes turn with the Earth and not how: 'ITRF93' with a binary PCK of the Earth, or 'IAU_EARTH'",
+    "MOD": "MOD is the mean equator and equinox of date; it is no frame of SPICE unless a frame kernel defines one",
+    "TOD": "TOD is the true equator and equinox of date; it is no frame of SPICE unless a frame kernel defines one",
+}
+"""Names that are asked for and are no frames of SPICE, with what they mean."""
+
+
+def same_as_j2000(frame: object) -> bool:
+    """Whether a name is another one of the axes J2000."""
+    return isinstance(frame, str) and frame.strip().upper() in SAME_AS_J2000
+
+
 _SATELLITES = {
     **dict(enumerate((401, 402), 10021)),
     **dict(enumerate(range(501, 517), 10023)),

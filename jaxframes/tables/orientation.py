@@ -7,14 +7,15 @@ import jax
 
 from jaxframes.edges.base import Inputs
 from jaxframes.edges.family import family
-from jaxframes.numerics.components import V3, Quat
+from jaxframes.numerics.components import Quat
 from jaxframes.numerics.packed import Kind, Packed
-from jaxframes.numerics.path_motion import extend, made
-from jaxframes.numerics.steps import Coordinate, RotationStep, Step
+from jaxframes.numerics.path_motion import extend, steps_at_hand
+from jaxframes.numerics.steps import Step
 from jaxframes.staging.columns import parameters
 from jaxframes.tables import evaluate
 from jaxframes.tables.base import Table, checked_order, triples, two_parts
 from jaxframes.tables.evaluate import Run
+from jaxframes.tables.formulas import euler_steps
 from jaxframes.tables.info import Info
 from jaxframes.tables.records import RecordTable
 
@@ -55,18 +56,11 @@ class OrientationTable(Table):
         return _orientation(checked_order(order), self.run, self.placement, *two_parts(time))
 
 
-def euler_steps(placement: Quat, angles: tuple[V3, ...]) -> tuple[Step, ...]:
-    """Return the three rotations that Euler angles (phi, theta, psi) with their derivatives stand for."""
-    phi, theta, psi = (Coordinate(*parts) for parts in zip(*angles, strict=True))
-    x, z = V3(1.0, 0.0, 0.0), V3(0.0, 0.0, 1.0)
-    return RotationStep(z, phi, rotation=placement), RotationStep(x, theta), RotationStep(z, psi)
-
-
 @functools.partial(jax.jit, static_argnums=0)
 def _orientation(order: int, run: Run, placement: jax.Array, hi: Any, lo: Any) -> tuple[jax.Array, ...]:
     values = evaluate.evaluate(run, hi, lo, order)
     steps = euler_steps(Quat(*parameters(placement)), triples(values))
-    return attitude_of(extend((), made(steps), Kind(values[0].shape, values[0].dtype, order)))
+    return attitude_of(extend((), steps_at_hand(steps), Kind(values[0].shape, values[0].dtype, order)))
 
 
 def attitude_of(motion: Packed) -> tuple[jax.Array, ...]:

@@ -3,19 +3,20 @@
 import abc
 import contextlib
 import itertools
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from fractions import Fraction
 from typing import Any, Protocol
 
 from jaxframes.edges.base import Edge
 from jaxframes.errors import CoverageError, DuplicateNameError, NoPathError, UnknownBodyError
+from jaxframes.tables.info import Info
 from jaxframes.tables.instants import span_text
-from jaxframes.tables.naif_ids import INERTIAL, J2000, labelled
+from jaxframes.tables.naif_ids import INERTIAL, J2000, body_named, labelled, name_of
 from jaxframes.tables.table_edge import TableEdge
 
 DEFAULT_FRAME = 999999
 """Asks for the default frame of a body, as None does; as a number or as text."""
-BODY, FRAME = "spice_body", "spice_frame"
+BODY, FRAME, CHECK = "spice_body", "spice_frame", "spice_check"
 Key = tuple[int, int]
 """The ids of a body and of a frame."""
 
@@ -199,3 +200,45 @@ def spice_ids(builder: TreeInMaking, source: EdgeSource) -> dict[str, Key]:
         if found[parent][1] == info.relative_id:
             found[name] = found[parent][0], info.of_id
     return {name: found[name] for name in builder.names if name in found}
+
+
+def misplaced(frames: Iterable[tuple[str, str | None, Edge | None, Mapping[str, Any]]]) -> Iterator[str]:
+    """Yield a sentence for each table that hangs on another frame than it starts from, as far as names, properties and tables tell.
+
+    Args:
+        frames: (name, parent, edge, properties) of each frame. A frame whose property ``spice_check`` is False is left out.
+    """
+    held = list(frames)
+    tables: dict[str, Info] = {name: edge.info for name, _, edge, _ in held if isinstance(edge, TableEdge)}
+    known: dict[str, tuple[int | None, int | None, str]] = {}
+    for name, parent, _, facts in held if tables else ():
+        if BODY in facts:
+            known[name] = int(facts[BODY]), int(facts.get(FRAME, J2000)), "its properties say"
+        elif name in tables:
+            info = tables[name]
+            own_body, own_axes = (info.of_id, _axes_id(info)) if info.kind == "translation" else (None, info.of_id)
+            known[name] = own_body, own_axes, "its own table says"
+        elif parent is None and (body := body_named(name)) is not None:
+            known[name] = body, J2000, "its name says"
+    for name, parent, _, facts in held:
+        if name not in tables or parent is None or facts.get(CHECK) is False:
+            continue
+        info = tables[name]
+        start_body, start_axes = (info.relative_id, _axes_id(info)) if info.kind == "translation" else (None, info.relative_id)
+        body, axes, why = known.setdefault(parent, (start_body, start_axes, f"the table of {name!r} says"))
+        if _differ(body, start_body) or _differ(axes, start_axes):
+            start = f"{info.relative_to} in {info.axes}" if info.kind == "translation" else info.relative_to
+            parts = [] if body is None else [f"body {labelled(name_of(body), body)}"]
+            there = " and ".join(parts if axes is None else [*parts, f"SPICE frame {axes}"])
+            yield (
+                f"frame {name!r}: its table is {info.of} from {start}, and it hangs on {parent!r}, which is {there}, as {why}: "
+                f"hang it on the frame that it starts from, or tell with properties={{{CHECK!r}: False}} that it is right"
+            )
+
+
+def _axes_id(info: Info) -> int | None:
+    return INERTIAL.index(info.axes) + 1 if info.axes in INERTIAL else None
+
+
+def _differ(one: int | None, other: int | None) -> bool:
+    return one is not None and other is not None and one != other

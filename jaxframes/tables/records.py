@@ -51,7 +51,7 @@ class RecordTable:
     counts: tuple[tuple[int, int], ...] | None = field(default=None, metadata={"static": True})
     bounds: jax.Array | None = None
 
-    def opened(self, rank: int, which: jax.Array | None) -> "RecordTable":
+    def as_read(self, rank: int, which: jax.Array | None) -> "RecordTable":
         """Return the record table of many tables as samples read it, ``grid`` [3, ...]; one table's is itself.
 
         Args:

@@ -102,7 +102,7 @@ def load(path: str | os.PathLike[str]) -> dict[str, Any]:
     Raises:
         TableError: If the file is missing, is no table file, is truncated or altered, or has an unknown schema.
     """
-    with opened(Path(path)) as (archive, entries):
+    with open_archive(Path(path)) as (archive, entries):
         return {name: _table(archive, name, entry) for name, entry in entries.items()}
 
 
@@ -113,7 +113,7 @@ def from_bytes(content: bytes, label: str) -> dict[str, Any]:
 
 
 @contextlib.contextmanager
-def opened(target: Path) -> Iterator[tuple[zipfile.ZipFile, dict[str, Any]]]:
+def open_archive(target: Path) -> Iterator[tuple[zipfile.ZipFile, dict[str, Any]]]:
     """Open a table file for reading: its archive, and what its metadata say of each table.
 
     Raises:
@@ -280,7 +280,7 @@ def contents(path: str | os.PathLike[str]) -> dict[str, Entry]:
         TableError: If the file is missing, is no table file, is truncated or altered, or has an unknown schema.
     """
     found = {}
-    with opened(Path(path)) as (archive, entries):
+    with open_archive(Path(path)) as (archive, entries):
         for number, (name, entry) in enumerate(entries.items()):
             shapes = {file: _shape(archive, file) for file in archive.namelist() if file.startswith(f"table{number}/")}
             records = tuple(shapes[held["arrays"]["rows"]][0] for held in entry.get("record_tables", ()))

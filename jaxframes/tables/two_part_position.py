@@ -7,7 +7,8 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxframes.numerics.two_part import fast_two_sum, two_product, two_sum
+from jaxframes.numerics import two_part
+from jaxframes.numerics.two_part import Pair, two_sum
 from jaxframes.staging.columns import assemble
 from jaxframes.staging.sharding import rows_at
 from jaxframes.staging.stages import stage
@@ -15,17 +16,17 @@ from jaxframes.tables import evaluate
 from jaxframes.tables.evaluate import Run
 from jaxframes.tables.records import LOW_TERMS, RecordTable
 
-Two = tuple[jax.Array, jax.Array]
-
 
 @jax.jit
-def position(run: Run, hi: Any, lo: Any) -> Two:
+def position(run: Run, hi: Any, lo: Any) -> Pair:
     """Return a table's value at epochs (hi, lo) as arrays hi and lo [..., 3]; NaN outside the coverage."""
     hi, lo = evaluate.recast(hi, lo, run.record_tables[0].rows.dtype)
 
-    def work(run: Run, hi: jax.Array, lo: jax.Array) -> Two:
+    def work(run: Run, hi: jax.Array, lo: jax.Array) -> Pair:
         dt = evaluate.since_reference(run, hi, lo)
-        totals = [functools.reduce(_add, parts) for parts in zip(*(_values(records, *dt) for records in run.record_tables), strict=True)]
+        totals = [
+            functools.reduce(two_part.add, parts) for parts in zip(*(_values(records, *dt) for records in run.record_tables), strict=True)
+        ]
         high, low = (assemble(tuple(t[k] for t in totals)) for k in (0, 1))
         return high, low
 
@@ -35,14 +36,14 @@ def position(run: Run, hi: Any, lo: Any) -> Two:
     return high + (plain - lax.stop_gradient(plain)), low
 
 
-def _values(records: RecordTable, dt_hi: jax.Array, dt_lo: jax.Array) -> list[Two]:
+def _values(records: RecordTable, dt_hi: jax.Array, dt_lo: jax.Array) -> list[Pair]:
     index = records.serving(dt_hi, dt_lo)
     row = jnp.moveaxis(rows_at(records.rows, index), -1, 0)
     terms, count = records.terms, min(LOW_TERMS, records.terms)
     zero = jnp.zeros_like(dt_hi)
     low = None if records.low is None else jnp.moveaxis(rows_at(records.low, index), -1, 0)
-    past = _add(two_sum(dt_hi, -row[-3]), two_sum(dt_lo, -row[-2]))
-    s = _divide(past, (row[-1], zero if low is None else low[-1]))
+    past = two_part.add(two_sum(dt_hi, -row[-3]), two_sum(dt_lo, -row[-2]))
+    s = two_part.divide(past, (row[-1], zero if low is None else low[-1]))
     twice = (s[0] * 2, s[1] * 2)
     out = []
     for axis in range(3):
@@ -54,23 +55,6 @@ def _values(records: RecordTable, dt_hi: jax.Array, dt_lo: jax.Array) -> list[Tw
         for k in range(count - 1, -1, -1):
             c = (column[k], zero if low is None else low[k * records.series + axis])
             factor = s if k == 0 else twice
-            wide, wider = _add(c, _add(_multiply(factor, wide), (-wider[0], -wider[1]))), wide
+            wide, wider = two_part.add(c, two_part.add(two_part.multiply(factor, wide), (-wider[0], -wider[1]))), wide
         out.append(wide)
     return out
-
-
-def _add(a: Two, b: Two) -> Two:
-    s, e = two_sum(a[0], b[0])
-    return fast_two_sum(s, e + (a[1] + b[1]))
-
-
-def _multiply(a: Two, b: Two) -> Two:
-    p, e = two_product(a[0], b[0])
-    return fast_two_sum(p, e + (a[0] * b[1] + a[1] * b[0]))
-
-
-def _divide(a: Two, b: Two) -> Two:
-    q = a[0] / b[0]
-    p, e = two_product(q, b[0])
-    rest = ((a[0] - p) - e) + (a[1] - q * b[1])
-    return fast_two_sum(q, rest / b[0])

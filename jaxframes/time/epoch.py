@@ -15,7 +15,7 @@ from jaxframes.numerics.batch import tag
 from jaxframes.numerics.two_part import two_sum
 from jaxframes.staging.arrays import default_float, is_concrete
 from jaxframes.time import calendar, epoch_ranges
-from jaxframes.time.calendar import tdb_seconds, tdb_text
+from jaxframes.time.calendar import tdb_seconds
 from jaxframes.time.scales import SHIPPED_LEAP_SECONDS, LeapSeconds
 from jaxframes.time.seconds import Ordered, batch, moved, same_rank, split, split_exact, two_parts
 
@@ -93,8 +93,23 @@ class Epoch(Ordered):
         return epoch_ranges.arange(cls.from_et(start), cls.from_et(stop), step)
 
     @classmethod
+    def from_text(cls, text: str | Sequence[Any], *, leap_seconds: LeapSeconds | None = None) -> "Epoch":
+        """Return the epoch of a date that names its scale: ``2026-03-01T12:00:00 UTC``, ``... TDB``, ``... TT`` or ``... TAI``.
+
+        A date without a time of day is TDB where it names none. All that takes an instant as text reads it so: kernels, tables, commands.
+
+        Args:
+            text: The date; nested sequences of them give a batch [...].
+            leap_seconds: As in ``from_utc``.
+
+        Raises:
+            FrameError: The text is no date, or has a time of day and no scale: UTC and TDB are 69 s apart.
+        """
+        return cls._read(text, "an instant", (leap_seconds or SHIPPED_LEAP_SECONDS).tdb_of_text)
+
+    @classmethod
     def from_tdb(cls, text: str | Sequence[Any]) -> "Epoch":
-        """Return the epoch of a calendar date in TDB, such as ``2026-03-01`` or ``2026-03-01T12:00:00.125`` (exact).
+        """Return the epoch of a date in TDB: ``2026-03-01``, ``2026-03-01T12:00:00.125``, ``2026-060T12:00`` or ``JD 2461101.0`` (exact).
 
         Args:
             text: The date; nested sequences of them give a batch [...]. So in all readers of text here.
@@ -118,10 +133,12 @@ class Epoch(Ordered):
 
     @classmethod
     def from_utc(cls, text: str | Sequence[Any], *, leap_seconds: LeapSeconds | None = None) -> "Epoch":
-        """Return the epoch of a calendar date in UTC, such as ``2026-03-01T00:00:00``; leap seconds (``23:59:60``) are read.
+        """Return the epoch of a date in UTC; leap seconds (``23:59:60``) are read.
 
         Args:
-            text: The date. UTC is never taken as a number of seconds: such a count skips or repeats leap seconds.
+            text: ``2026-03-01T12:00:00``, ``2026-060T12:00`` (day of the year), ``JD 2461101.0`` (in days of 86400 s), optionally with
+                ``UTC``, ``Z`` or an offset such as ``+02:00`` behind it. UTC is never taken as a number of seconds: such a count skips or
+                repeats leap seconds.
             leap_seconds: The table to read it by, e.g. ``kernels.leap_seconds()``. Default: the one that ships with the package,
                 ``jf.SHIPPED_LEAP_SECONDS``, whose ``as_of`` states its date.
 
@@ -230,30 +247,43 @@ class Epoch(Ordered):
         """Seconds past 2000-01-01T12:00:00 TAI in two parts [...]; traceable."""
         return SHIPPED_LEAP_SECONDS.tai_parts(*self.tt, -1)
 
-    def to_tdb(self, digits: int = 3) -> str:
-        """Return one epoch as calendar text in TDB, rounded to ``digits`` decimals of a second (host only)."""
-        return tdb_text(self._exact(), digits)
+    def to_tdb(self, digits: int = 3, *, form: str = "calendar") -> str:
+        """Return one epoch as text in TDB, rounded to ``digits`` decimals of a second (host only); ``form`` as in ``to_utc``."""
+        return calendar.uniform_text(self._exact(), digits, "ET", form)
 
-    def to_tt(self, digits: int = 3, *, leap_seconds: LeapSeconds | None = None) -> str:
-        """Return one epoch as calendar text in TT, rounded to ``digits`` decimals of a second (host only)."""
-        return calendar.uniform_text((leap_seconds or SHIPPED_LEAP_SECONDS).tt_of_tdb(self._exact()), digits, "TT")
+    def to_tt(self, digits: int = 3, *, form: str = "calendar", leap_seconds: LeapSeconds | None = None) -> str:
+        """Return one epoch as text in TT, rounded to ``digits`` decimals of a second (host only); ``form`` as in ``to_utc``."""
+        return calendar.uniform_text((leap_seconds or SHIPPED_LEAP_SECONDS).tt_of_tdb(self._exact()), digits, "TT", form)
 
-    def to_tai(self, digits: int = 3, *, leap_seconds: LeapSeconds | None = None) -> str:
-        """Return one epoch as calendar text in TAI, rounded to ``digits`` decimals of a second (host only)."""
+    def to_tai(self, digits: int = 3, *, form: str = "calendar", leap_seconds: LeapSeconds | None = None) -> str:
+        """Return one epoch as text in TAI, rounded to ``digits`` decimals of a second (host only); ``form`` as in ``to_utc``."""
         table = leap_seconds or SHIPPED_LEAP_SECONDS
-        return calendar.uniform_text(table.tt_of_tdb(self._exact()) - table.tt_minus_tai, digits, "TAI")
+        return calendar.uniform_text(table.tt_of_tdb(self._exact()) - table.tt_minus_tai, digits, "TAI", form)
 
-    def to_utc(self, digits: int = 3, *, leap_seconds: LeapSeconds | None = None) -> str:
-        """Return one epoch as calendar text in UTC, rounded to ``digits`` decimals (host only); a leap second reads ``23:59:60``.
+    def to_utc(self, digits: int = 3, *, form: str = "calendar", offset: str | None = None, leap_seconds: LeapSeconds | None = None) -> str:
+        """Return one epoch as text in UTC, rounded (host only); a leap second reads ``23:59:60``. ``from_utc`` reads all of it back.
+
+        Args:
+            digits: Decimals of a second.
+            form: ``"calendar"`` for 2026-03-01T12:00:00.000, ``"ordinal"`` for 2026-060T12:00:00.000 (day of the year), ``"julian"`` for
+                JD 2461101.000000000, in days of 86400 s.
+            offset: Writes the time of a zone, such as ``"+02:00"``, with the offset behind it.
+            leap_seconds: As in ``from_utc``.
 
         Raises:
-            FrameError: The epoch lies before 1972, or beyond the calendar.
+            FrameError: The epoch lies before 1972 or beyond the calendar, or is a leap second and the form Julian.
         """
         day, ticks = (leap_seconds or SHIPPED_LEAP_SECONDS).utc_of_tdb(self._exact(), digits)
-        date = calendar.date_text(day)
-        if date is None:
+        unit = 10**digits
+        leap = ticks >= calendar.DAY * unit
+        ticks -= leap * unit
+        if offset is not None:
+            days, ticks = divmod(ticks + calendar.minutes_of(offset) * 60 * unit, calendar.DAY * unit)
+            day += days
+        text = calendar.text_of(day, ticks, digits, form, leap)
+        if text is None:
             raise FrameError(f"{self!r} lies beyond the calendar of four-digit years; write it as seconds, .et")
-        return f"{date}T{calendar.clock_text(ticks, digits)}"
+        return text + (offset or "")
 
     def to_datetime(self, *, leap_seconds: LeapSeconds | None = None) -> datetime.datetime:
         """Return one epoch as an aware datetime in UTC, rounded to microseconds (host only).

@@ -82,20 +82,34 @@ class LeapSeconds:
         return _sum(*_sum(hi, lo, offset), rest)
 
     def tdb_of_utc(self, text: str) -> Fraction:
-        """Return the exact seconds past J2000 TDB of calendar text in UTC, leap seconds included.
+        """Return the exact seconds past J2000 TDB of text in UTC, leap seconds included; dates as ``Epoch.from_utc`` reads them.
 
         Raises:
             FrameError: The text is no UTC date, or lies before the first entry of the table.
         """
         date = calendar.read(text, "UTC")
         if date.day < self.starts[0][0]:
-            raise FrameError(f"{text!r} lies before {self._first()}, when UTC had no whole leap seconds; use Epoch.from_tdb")
+            raise FrameError(f"{calendar.shown(text)} lies before {self._first()}, when UTC had no whole leap seconds; use Epoch.from_tdb")
         leap_day = any(date.day + 1 == start for start, _ in self.starts[1:])
         if date.second > 59 and not (leap_day and (date.hour, date.minute) == (23, 59)):
             clock = f"{date.hour:02d}:{date.minute:02d}:{date.second:02d}"
-            raise FrameError(f"{text!r} is no UTC date: {clock} does not exist on that day")
+            raise FrameError(f"{calendar.shown(text)} is no UTC date: {clock} does not exist on that day")
         offset = next(offset for start, offset in reversed(self.starts) if date.day >= start)
         return self.tdb_of_tt(date.day * DAY + date.of_day - NOON + offset + self.tt_minus_tai)
+
+    def tdb_of_text(self, text: str) -> Fraction:
+        """Return the exact seconds past J2000 TDB of a date that names its scale: ``2026-03-01T12:00:00 UTC``, ``TDB``, ``TT``, ``TAI``.
+
+        A date without a time of day is TDB where it names none.
+
+        Raises:
+            FrameError: The text is no date, or has a time of day and no scale.
+        """
+        scale = calendar.scale_of(text)
+        if scale == "UTC":
+            return self.tdb_of_utc(text)
+        found = calendar.uniform_seconds(text, scale)
+        return found if scale == "TDB" else self.tdb_of_tt(found + (self.tt_minus_tai if scale == "TAI" else 0))
 
     def tdb_of_datetime(self, date: Any) -> Fraction:
         """Return the exact seconds past J2000 TDB of a ``datetime``, taken to be UTC where it is naive, or a ``datetime64``, which is UTC.

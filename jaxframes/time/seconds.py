@@ -173,7 +173,7 @@ def _durations(array: np.ndarray, refusal: str) -> Pair:
 def _remedy(array: np.ndarray) -> str:
     if array.dtype.kind == "M" or (array.size and isinstance(array.flat[0], datetime.date)):
         return "; a date becomes an epoch by Epoch.from_datetime (UTC)"
-    return "; text is read by Epoch.from_tdb or Epoch.from_utc" if array.dtype.kind in "US" else ""
+    return "; text is read by Epoch.from_text" if array.dtype.kind in "US" else ""
 
 
 def batch(items: Any, leaf: type[Any] | tuple[type[Any], ...], refusal: str) -> tuple[list[Any], tuple[int, ...]]:

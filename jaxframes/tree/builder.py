@@ -1,16 +1,17 @@
 """Builder: frames are named and hung on each other here, on the host, with every mistake reported by name."""
 
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from jaxframes.edges.base import Edge
 from jaxframes.edges.family import is_family
 from jaxframes.edges.fixed import Fixed
-from jaxframes.errors import DuplicateNameError, EdgeError, TopologyError, UnknownFrameError, UnknownJointError, suggest
+from jaxframes.errors import DuplicateNameError, EdgeError, FrameWarning, TopologyError, UnknownFrameError, UnknownJointError, suggest
 from jaxframes.model.compile import Declared, compile_frames
 from jaxframes.model.properties import freeze, thaw
 from jaxframes.tables.edge_source import TableSource
-from jaxframes.tables.placing import OffersEdges, place
+from jaxframes.tables.placing import OffersEdges, misplaced, place
 from jaxframes.tree.frame_tree import FrameTree
 
 
@@ -220,12 +221,16 @@ class TreeBuilder:
     def build(self) -> FrameTree:
         """Return the tree compiled into static arrays and stacked parameters.
 
+        A table that hangs on another frame than it starts from is named in a ``FrameWarning``, and by ``tree.check``.
+
         Raises:
             UnknownFrameError: A candidate of an attachable frame does not exist.
             UnknownJointError: A joint that is followed does not exist.
             TopologyError: Joints follow each other in a ring, or an attachable frame could never hang on one of its candidates.
             EdgeError: A joint that is followed has no such coordinate.
         """
+        for sentence in misplaced(self.frames()):
+            warnings.warn(sentence, FrameWarning, stacklevel=2)
         return FrameTree(*compile_frames(self._declared))
 
 

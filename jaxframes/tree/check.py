@@ -8,12 +8,21 @@ import numpy as np
 
 from jaxframes.model.attachment_graph import hangs_on
 from jaxframes.model.state import State
+from jaxframes.tables.placing import misplaced
 from jaxframes.tree.states import States
 
 
 def check(tree: States, state: State) -> tuple[str, ...]:
     """Return one sentence for each thing that is wrong."""
-    return (*_edges(tree), *_joints(tree, state), *_prescribed(tree, state), *_attachments(tree, state), *_times(tree, state))
+    frames = ((name, tree.parent(name) if name != tree.root else None, tree.edges.get(name), tree.properties[name]) for name in tree.names)
+    return (
+        *_edges(tree),
+        *misplaced(frames),
+        *_joints(tree, state),
+        *_prescribed(tree, state),
+        *_attachments(tree, state),
+        *_times(tree, state),
+    )
 
 
 def _where(bad: Any) -> str:
@@ -98,13 +107,13 @@ def _attachments(tree: States, state: State) -> Iterator[str]:
         return
     topology, parents = tree.topology, np.asarray(state.attachments.parents)
     for row, frame in enumerate(topology.attachables):
-        name, seats = tree.names[frame], parents[..., row]
-        strange = ~np.isin(seats, topology.candidates[row])
+        name, hung_on = tree.names[frame], parents[..., row]
+        strange = ~np.isin(hung_on, topology.candidates[row])
         if strange.any():
-            seat = seats[strange].reshape(-1)[0]
-            yield f"frame {name!r}: it hangs on frame number {seat}, which is not among its candidates{_where(strange)}"
-        elif (loop := hangs_on(topology, parents, seats, frame)).any():
-            yield f"frame {name!r}: it hangs on itself, a cycle through {tree.names[int(seats[loop].reshape(-1)[0])]!r}{_where(loop)}"
+            target = hung_on[strange].reshape(-1)[0]
+            yield f"frame {name!r}: it hangs on frame number {target}, which is not among its candidates{_where(strange)}"
+        elif (loop := hangs_on(topology, parents, hung_on, frame)).any():
+            yield f"frame {name!r}: it hangs on itself, a cycle through {tree.names[int(hung_on[loop].reshape(-1)[0])]!r}{_where(loop)}"
 
 
 def _times(tree: States, state: State) -> Iterator[str]:

@@ -181,9 +181,9 @@ class States(JointSpace):
         index = self.topology.index(frame)
         if index not in self.topology.attachables:
             what = "is the root" if index == 0 else f"is {self.edge_of(index).describe()} on {self.parent(frame)!r}"
-            loose = ", ".join(repr(self.names[i]) for i in self.topology.attachables) or "none"
+            attachable = ", ".join(repr(self.names[i]) for i in self.topology.attachables) or "none"
             raise EdgeError(
-                f"cannot attach {frame!r} to {to!r}: {frame!r} {what}, so it stays there; attachable frames: {loose}. "
+                f"cannot attach {frame!r} to {to!r}: {frame!r} {what}, so it stays there; attachable frames: {attachable}. "
                 f"Use jf.edges.Attachable()"
             )
         return index

@@ -109,10 +109,10 @@ def path_in_state(tree: States, state: State | None, of: str, relative_to: str) 
 def explain(tree: States, of: str, relative_to: str, state: State | None) -> str:
     """Return text about the path of a query."""
     topology = tree.topology
-    crossing = topology.islands[topology.index(of)] != topology.islands[topology.index(relative_to)]
+    crossing = topology.static_components[topology.index(of)] != topology.static_components[topology.index(relative_to)]
     if crossing and state is None:
-        loose = [tree.names[i] for i in dict.fromkeys(topology.islands[topology.index(n)] for n in (relative_to, of)) if i]
-        where = "; ".join(f"{name!r} [{tree.edge(name).describe()}], declared on {tree.parent(name)!r}" for name in loose)
+        attachable = [tree.names[i] for i in dict.fromkeys(topology.static_components[topology.index(n)] for n in (relative_to, of)) if i]
+        where = "; ".join(f"{name!r} [{tree.edge(name).describe()}], declared on {tree.parent(name)!r}" for name in attachable)
         return f"{relative_to} -> {of}: the path is data in the state (links composed by pointer doubling): {where}"
     path = path_in_state(tree, state, of, relative_to)
     up = [name for name, direction in path if direction < 0]

@@ -7,7 +7,7 @@ import pytest
 
 import jaxframes as jf
 from jaxframes.kinematics import plan
-from jaxframes.kinematics.plan import FEWEST, SPAN
+from jaxframes.kinematics.plan import MAX_UNROLLED, SPAN
 
 
 def rigid(rng):
@@ -84,7 +84,7 @@ def chain(rng, count, branch_every=0):
 
 @pytest.mark.parametrize("branch_every", [0, 7])
 def test_deep_trees_in_segments_agree_with_plain_recursion(rng, dtype, branch_every):
-    tree = chain(rng, FEWEST + 2 * SPAN + 3, branch_every)
+    tree = chain(rng, MAX_UNROLLED + 1 + 2 * SPAN + 3, branch_every)
     q = rng.normal(size=(2, tree.nq))
     world = jax.jit(lambda q: tree.world_transforms(tree.state(q=q)))(jnp.asarray(q, dtype))
     matrix = np.tile(np.eye(4), (2, len(tree.names), 1, 1))
@@ -116,7 +116,7 @@ def test_plans_cover_every_frame_once_and_keep_parents(rng):
 
 def test_the_way_is_explained(rng):
     assert "unrolled" in arm(rng, 3).explain()
-    assert "in segments" in chain(rng, FEWEST).explain()
+    assert "in segments" in chain(rng, MAX_UNROLLED + 1).explain()
     assert "composed one after another" in arm(rng, 3).explain(of="m2", relative_to="j0")
     assert "in 2 pieces of up to 5 moving edges" in arm(rng, 10).explain(of="m9", relative_to="world")
     assert "by a scan over 13 alike pieces of 5 edges" in chain(rng, 65).explain(of="64", relative_to="world")

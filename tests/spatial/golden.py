@@ -79,7 +79,7 @@ def rotangle(r):
 
 
 def normalized(a):
-    unit, length = s.normalize(a)
+    unit, length = s.kdl.normalize(a)
     return {"norm": length, "vec": unit}
 
 
@@ -145,8 +145,8 @@ def local_rate(method, axis):
 
 def diff_framevel(a, b, dt):
     """Return diff of the frames and diff of their velocities: KDL pairs the two, though the second is no derivative of the first."""
-    value = s.diff(Transform(rot(a["M"]["R"]), a["p"]["p"]), Transform(rot(b["M"]["R"]), b["p"]["p"]), dt)
-    rate = Twist(linear=s.diff(a["p"]["v"], b["p"]["v"], dt), angular=s.diff(a["M"]["w"], b["M"]["w"], dt))
+    value = s.kdl.diff(Transform(rot(a["M"]["R"]), a["p"]["p"]), Transform(rot(b["M"]["R"]), b["p"]["p"]), dt)
+    rate = Twist(linear=s.kdl.diff(a["p"]["v"], b["p"]["v"], dt), angular=s.kdl.diff(a["M"]["w"], b["M"]["w"], dt))
     return twist_pair((value, rate))
 
 
@@ -157,15 +157,15 @@ PYKDL = {
     "Vector.ReverseSign": lambda a: -a,
     "Vector.scale": lambda a, s: a * s,
     "Vector.div": lambda a, s: a / s,
-    "Vector.cross": lambda a, b: s.cross(a, b),
+    "Vector.cross": lambda a, b: s.kdl.cross(a, b),
     "Vector.default": lambda: jnp.zeros(3),
     "Vector.Zero": lambda: jnp.zeros(3),
     "Vector.Normalize": lambda a: normalized(a),
-    "Vector.Norm": lambda a: s.norm(a),
-    "Vector.Norm_eps0": lambda a: s.norm(a),
-    "dot.vector": lambda a, b: s.dot(a, b),
-    "Equal.vector": lambda a, b, eps: s.equal(a, b, eps),
-    "Vector.eq_operator": lambda a, b: s.equal(a, b),
+    "Vector.Norm": lambda a: s.kdl.norm(a),
+    "Vector.Norm_eps0": lambda a: s.kdl.norm(a),
+    "dot.vector": lambda a, b: s.kdl.dot(a, b),
+    "Equal.vector": lambda a, b, eps: s.kdl.equal(a, b, eps),
+    "Vector.eq_operator": lambda a, b: s.kdl.equal(a, b),
     "Rotation.default": lambda: mat(Rotation.identity()),
     "Rotation.Identity": lambda: mat(Rotation.identity()),
     "Rotation.RotX": lambda angle: mat(Rotation.rot_x(angle)),
@@ -213,19 +213,19 @@ PYKDL = {
     "Frame.inv_vector": lambda F, v: pose(F).inverse_apply(v),
     "Frame.inv_twist": lambda F, t: untwist(twist(t).inverse_transform(pose(F))),
     "Frame.inv_wrench": lambda F, w: unwrench(wrench(w).inverse_transform(pose(F))),
-    "Frame.Integrate": lambda F, t, freq: unpose(s.integrate_body_first_order(pose(F), twist(t), 1 / freq)),
+    "Frame.Integrate": lambda F, t, freq: unpose(s.kdl.integrate_body_first_order(pose(F), twist(t), 1 / freq)),
     "Frame.DH": lambda a, alpha, d, theta: unpose(Transform.from_dh(a, alpha, d, theta)),
     "Frame.DH_Craig1989": lambda a, alpha, d, theta: unpose(Transform.from_dh_craig1989(a, alpha, d, theta)),
-    "diff.rotation": lambda a, b, dt: s.diff(rot(a), rot(b), dt),
-    "diff.vector": lambda a, b, dt: s.diff(a, b, dt),
-    "diff.frame": lambda a, b, dt: untwist(s.diff(pose(a), pose(b), dt)),
-    "diff.twist": lambda a, b, dt: untwist(s.diff(twist(a), twist(b), dt)),
-    "diff.wrench": lambda a, b, dt: unwrench(s.diff(wrench(a), wrench(b), dt)),
-    "addDelta.frame": lambda F, t, dt: unpose(s.add_delta(pose(F), twist(t), dt)),
-    "addDelta.rotation": lambda R, w, dt: mat(s.add_delta(rot(R), w, dt)),
-    "addDelta.vector": lambda v, dv, dt: s.add_delta(v, dv, dt),
-    "addDelta.twist": lambda a, da, dt: untwist(s.add_delta(twist(a), twist(da), dt)),
-    "addDelta.wrench": lambda a, da, dt: unwrench(s.add_delta(wrench(a), wrench(da), dt)),
+    "diff.rotation": lambda a, b, dt: s.kdl.diff(rot(a), rot(b), dt),
+    "diff.vector": lambda a, b, dt: s.kdl.diff(a, b, dt),
+    "diff.frame": lambda a, b, dt: untwist(s.kdl.diff(pose(a), pose(b), dt)),
+    "diff.twist": lambda a, b, dt: untwist(s.kdl.diff(twist(a), twist(b), dt)),
+    "diff.wrench": lambda a, b, dt: unwrench(s.kdl.diff(wrench(a), wrench(b), dt)),
+    "addDelta.frame": lambda F, t, dt: unpose(s.kdl.add_delta(pose(F), twist(t), dt)),
+    "addDelta.rotation": lambda R, w, dt: mat(s.kdl.add_delta(rot(R), w, dt)),
+    "addDelta.vector": lambda v, dv, dt: s.kdl.add_delta(v, dv, dt),
+    "addDelta.twist": lambda a, da, dt: untwist(s.kdl.add_delta(twist(a), twist(da), dt)),
+    "addDelta.wrench": lambda a, da, dt: unwrench(s.kdl.add_delta(wrench(a), wrench(da), dt)),
     "Twist.RefPoint": lambda t, v: untwist(twist(t).ref_point(v)),
     "Wrench.RefPoint": lambda w, v: unwrench(wrench(w).ref_point(v)),
     "dot.twist_wrench": lambda t, w: twist(t).dot(wrench(w)),
@@ -252,8 +252,8 @@ PYKDL = {
     "FrameVel.mul_twistvel": lambda A, t: twist_pair(along(lambda f, x: f @ x, posing(A), twisting(t))),
     "FrameVel.mul_twist": lambda A, t: twist_pair(along(lambda f: f @ twist(t), posing(A))),
     "RotationVel.mul_vectorvel": lambda A, v: pair(along(lambda r, x: r @ x, turning(A), moving(v))),
-    "VectorVel.cross": lambda a, b: pair(along(s.cross, moving(a), moving(b))),
-    "VectorVel.Norm": lambda a: jnp.stack(along(s.norm, moving(a)), -1),
+    "VectorVel.cross": lambda a, b: pair(along(s.kdl.cross, moving(a), moving(b))),
+    "VectorVel.Norm": lambda a: jnp.stack(along(s.kdl.norm, moving(a)), -1),
     "TwistVel.RefPoint": lambda t, v: twist_pair(along(lambda x, d: x.ref_point(d), twisting(t), moving(v))),
     "RotationVel.RotX": turn_rate(Rotation.rot_x, 0),
     "RotationVel.RotY": turn_rate(Rotation.rot_y, 1),

@@ -130,7 +130,7 @@ def test_unnormalised_axis_and_quaternion():
 def test_negative_frequency_runs_backwards():
     given = find("Frame.Integrate#13")["in"]
     pose, twist = golden.pose(given["F"]), golden.twist({k: np.array(v) for k, v in given["t"].items()})
-    back = s.integrate_body_first_order(pose, twist, 1 / given["freq"])
+    back = s.kdl.integrate_body_first_order(pose, twist, 1 / given["freq"])
     assert float(back.rotation.distance(pose.rotation)) == pytest.approx(0.5, abs=TOL)
     again = back.rotation @ Rotation.exp(twist.angular * 0.5)
     assert float(again.distance(pose.rotation)) < TOL

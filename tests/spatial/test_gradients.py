@@ -260,7 +260,7 @@ SIZES = [[0.3, -0.4, 1.2], [1e-9, 0, 0], [0, 1e-4, 1e-4], [3.0, 0, 0], [1e-9, -1
 
 
 def test_norm(tol):
-    value, forward, reverse, second = derivatives(s.norm, np.array(SIZES))
+    value, forward, reverse, second = derivatives(s.kdl.norm, np.array(SIZES))
     want = references(lambda v: [exact.norm(v)], np.array(SIZES[:1] + SIZES[3:4]))
     assert np.abs(forward - np.array(SIZES) / value[:, None]).max() < tol
     assert np.abs(reverse - forward).max() < tol
@@ -273,12 +273,12 @@ def test_zero_vector():
     """The documented values at zero: norm and its derivatives 0, the unit vector x with derivatives 0."""
 
     def everything(v):
-        unit, length = s.normalize(v)
-        return jnp.stack([s.norm(v), length, *unit])
+        unit, length = s.kdl.normalize(v)
+        return jnp.stack([s.kdl.norm(v), length, *unit])
 
     for derivative in (jax.jacrev, jax.jacfwd, jax.hessian):
         assert np.all(jax.jit(derivative(everything))(jnp.zeros(3)) == 0)
-    unit, length = s.normalize(jnp.zeros(3))
+    unit, length = s.kdl.normalize(jnp.zeros(3))
     assert unit.tolist() == [1, 0, 0]
     assert length == 0
 
@@ -388,7 +388,7 @@ def test_opposite_vectors_are_finite():
         (lambda x: Rotation.from_quaternion_wxyz(x).log(), [0.0, 0.0, 0.0, 0.0]),
         (lambda x: jnp.stack(Rotation(x).to_rpy(), -1), [np.nan, 0.0, 0.0, 0.0]),
         (lambda x: Rotation.from_two_vectors(x[..., :3], np.ones(3)).wxyz, [0.0, 0.0, 0.0, 0.0]),
-        (lambda x: s.normalize(x[..., :3])[0], [np.inf, 0.0, 0.0, 0.0]),
+        (lambda x: s.kdl.normalize(x[..., :3])[0], [np.inf, 0.0, 0.0, 0.0]),
     ],
 )
 def test_a_bad_row_spoils_no_other(function, bad):

@@ -68,11 +68,11 @@ def residuals(v):
         "separate ends": (a.interpolate_separate(b, 1.0), b),
         "slerp ends": (r.slerp(o, 1.0), o),
         "two vectors": (
-            s.cross(Rotation.from_two_vectors(x / 11 + 1.0, v[1] / 12 - 1.0) @ (x / 11 + 1.0), v[1] / 12 - 1.0),
+            s.kdl.cross(Rotation.from_two_vectors(x / 11 + 1.0, v[1] / 12 - 1.0) @ (x / 11 + 1.0), v[1] / 12 - 1.0),
             jnp.zeros_like(x),
         ),
-        "delta": (s.add_delta(r, s.diff(r, o, 0.5), 0.5), o),
-        "pose delta": (s.add_delta(a, s.diff(a, b, 0.5), 0.5), b),
+        "delta": (s.kdl.add_delta(r, s.kdl.diff(r, o, 0.5), 0.5), o),
+        "pose delta": (s.kdl.add_delta(a, s.kdl.diff(a, b, 0.5), 0.5), b),
         "retract": (a.retract(b.relative_to(a).log()), b),
         "jacobians": (
             Rotation.left_jacobian(v[0] / 4) @ Rotation.left_jacobian_inv(v[0] / 4),
@@ -84,8 +84,8 @@ def residuals(v):
         "wrench by base and point": (wrench.transform(a), wrench.change_base(r).ref_point(-a.translation)),
         "power": (twist.transform(a).dot(wrench.transform(a)), wrench.dot(twist)),
         "adjoint": (jnp.einsum("...ij,...j->...i", a.adjoint(), twist.as_vector()), twist.transform(a).as_vector()),
-        "phi": (jnp.einsum("...ji,...j->...i", s.phi(x), velocity.as_vector()), velocity.at_point(x).as_vector()),
-        "wrench phi": (jnp.einsum("...ij,...j->...i", s.phi(x), wrench.as_vector()), wrench.ref_point(-x).as_vector()),
+        "phi": (jnp.einsum("...ji,...j->...i", s.kdl.phi(x), velocity.as_vector()), velocity.at_point(x).as_vector()),
+        "wrench phi": (jnp.einsum("...ij,...j->...i", s.kdl.phi(x), wrench.as_vector()), wrench.ref_point(-x).as_vector()),
         "motion inverse": (p @ p.inverse(), Motion.identity(p.shape)),
         "motion relative": (q.relative_to(p), p.inverse() @ q),
         "motion of inverse": ((p @ q).inverse(), q.inverse() @ p.inverse()),
@@ -122,7 +122,7 @@ def outcome(v):
     a, b = Transform(Rotation.exp(v[0]), v[1]), Transform(Rotation.exp(v[2]), v[3])
     motion = Motion(a @ b.inverse(), SpatialVelocity(v[1], v[3]), SpatialAcceleration(v[4], v[5]))
     turned = Rotation.from_matrix(b.rotation.to_matrix())
-    return a.interpolate_screw(b, 0.3), turned.to_rpy(), Twist(v[1], v[2]).transform(a), motion @ motion, s.normalize(v[5])
+    return a.interpolate_screw(b, 0.3), turned.to_rpy(), Twist(v[1], v[2]).transform(a), motion @ motion, s.kdl.normalize(v[5])
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=str)

@@ -48,8 +48,12 @@ HOST_ONLY = {"identity", "zero", "random", "replace", "astype", "broadcast_to", 
 
 def surface():
     """Every public function and method of the package, bound to a value where it is a method."""
-    for name in sorted(set(vars(s)) - {"Epoch"}):
-        thing = getattr(s, name)
+    kdl = {
+        name: thing
+        for name, thing in vars(s.kdl).items()
+        if not name.startswith("_") and getattr(thing, "__module__", "") == s.kdl.__name__
+    }
+    for name, thing in sorted({**{k: v for k, v in vars(s).items() if k != "Epoch"}, **kdl}.items()):
         if inspect.isfunction(thing) and name not in ("stack", "concatenate"):
             yield name, thing
         elif inspect.isclass(thing):

@@ -219,3 +219,89 @@ def test_refusals():
         (jf.Epoch.from_et(0) + np.arange(2.0)).to_utc()
     with pytest.raises(jf.FrameError, match="outside jit"):
         jax.jit(lambda e: e.to_utc())(jf.Epoch.from_et(0))
+
+
+@pytest.mark.float64
+def test_text_that_names_its_scale(cspice):
+    """As CSPICE reads it; a date alone is a day of TDB, and a time of day without a scale is refused: UTC and TDB are 69 s apart."""
+    for scale in ("UTC", "TDB", "TT", "TAI"):
+        epoch = jf.Epoch.from_text(f"2026-03-01T00:00:00.5 {scale}")
+        assert exact(epoch) == exact(getattr(jf.Epoch, f"from_{scale.lower()}")("2026-03-01T00:00:00.5"))
+        known = f"2026-03-01 00:00:00.5 {scale.replace('TT', 'TDT')}"
+        et = cspice.unitim(825595200.5, "TAI", "ET") if scale == "TAI" else cspice.str2et(known)
+        assert abs(float(epoch.et) - et) < 1e-6
+    assert exact(jf.Epoch.from_text("2026-03-01")) == exact(jf.Epoch.from_tdb("2026-03-01"))
+    batch = jf.Epoch.from_text([["2026-03-01T00:00:00Z", "2026-03-01 TT"], ["2026-03-01T00:00:00+00:00", "2026-03-02"]])
+    assert batch.shape == (2, 2)
+    assert exact(batch[0, 0]) == exact(batch[1, 0]) == exact(jf.Epoch.from_utc("2026-03-01"))
+    for bad, remedy in (
+        ("2026-03-01T00:00:00", "write '2026-03-01T00:00:00 TDB' or '2026-03-01T00:00:00 UTC'"),
+        ("2026-03-01T00:00:00 GPS", "after a date may stand TDB, TT, TDT, TAI, UTC"),
+        ("tomorrow", "is no date; write it as"),
+    ):
+        with pytest.raises(errors.FrameError, match=remedy):
+            jf.Epoch.from_text(bad)
+    with pytest.raises(errors.SpiceError, match="start: '2026-03-01T00:00:00' names no time scale"):
+        jf.spice.crop(jf.spice.example_tables()["moon"], start="2026-03-01T00:00:00", stop="2026-03-02")
+    cut = jf.spice.crop(jf.spice.example_tables()["moon"], start="2026-03-01T00:00:00 UTC", stop="2026-03-02")
+    assert abs(Fraction(cut.info.start) - exact(jf.Epoch.from_utc("2026-03-01"))) < 1e-20
+
+
+@pytest.mark.float64
+def test_days_of_the_year_julian_dates_and_offsets(cspice, rng):
+    """As CSPICE reads them (its Julian dates have a double's 4e-5 s), and back again by every form of writing."""
+    for text in random_texts(rng, 20):
+        epoch = jf.Epoch.from_utc(text)
+        ordinal, julian = epoch.to_utc(3, form="ordinal"), epoch.to_utc(9, form="julian")
+        assert abs(cspice.utc2et(ordinal) - float(epoch.et)) < 1e-6
+        assert exact(jf.Epoch.from_utc(ordinal)) == exact(jf.Epoch.from_utc(epoch.to_utc(3)))
+        assert abs(cspice.utc2et(julian) - float(epoch.et)) < 1e-4
+        assert abs(exact(jf.Epoch.from_utc(julian)) - exact(epoch)) < Fraction(86400, 10**15)
+        for offset in ("+02:00", "-05:30", "+23:59", "-00:00"):
+            local = epoch.to_utc(3, offset=offset)
+            assert local.endswith(offset)
+            assert datetime.datetime.fromisoformat(local) == datetime.datetime.fromisoformat(epoch.to_utc(3)).replace(tzinfo=datetime.UTC)
+            assert exact(jf.Epoch.from_utc(local)) == exact(jf.Epoch.from_utc(epoch.to_utc(3)))
+    for scale in ("tdb", "tt", "tai"):
+        epoch = getattr(jf.Epoch, f"from_{scale}")("2024-366T23:59:59.5")
+        assert getattr(epoch, f"to_{scale}")(1) == "2024-12-31T23:59:59.5"
+        assert getattr(epoch, f"to_{scale}")(1, form="ordinal") == "2024-366T23:59:59.5"
+        read = getattr(jf.Epoch, f"from_{scale}")
+        assert exact(read("JD 2451545.25")) == exact(read("JD2451545.25")) == exact(read("2000-01-01T18:00"))
+    assert exact(jf.Epoch.from_tdb("JD 2451545.0")) == 0
+
+
+@pytest.mark.float64
+def test_leap_seconds_in_every_form(cspice):
+    leap = jf.Epoch.from_utc("2016-12-31T23:59:60.25")
+    assert abs(cspice.utc2et("2016-366T23:59:60.25") - float(leap.et)) < 1e-6
+    for text in ("2016-366T23:59:60.25", "2017-01-01T01:59:60.25+02:00", "2016-12-31T18:29:60.25-05:30"):
+        assert exact(jf.Epoch.from_utc(text)) == exact(leap)
+    assert leap.to_utc(2) == "2016-12-31T23:59:60.25"
+    assert leap.to_utc(2, form="ordinal") == "2016-366T23:59:60.25"
+    assert leap.to_utc(2, offset="+02:00") == "2017-01-01T01:59:60.25+02:00"
+    assert leap.to_utc(2, offset="-05:30", form="ordinal") == "2016-366T18:29:60.25-05:30"
+    with pytest.raises(errors.FrameError, match="a Julian date cannot say a leap second"):
+        leap.to_utc(form="julian")
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("2026-366", "2026 has no day 366"),
+        ("2026-000", "2026 has no day 0"),
+        ("2026-060T24:00", "there is no 24:00:00"),
+        ("JD 1e9", "or JD 2461101.0, optionally with UTC or Z or"),
+        ("2026-03-01T12:00:00+25:00", r"an offset from UTC is written as \+02:00"),
+        ("2026-03-01T12:00:60+02:00", "does not exist on that day"),
+        ("2026-03-01T00:00:00." + "1" * 200_000, r"\(200020 characters\)"),
+    ],
+)
+def test_dates_that_are_none(text, why):
+    with pytest.raises(errors.FrameError, match=why) as caught:
+        jf.Epoch.from_utc(text)
+    assert len(str(caught.value)) < 400
+    with pytest.raises(errors.FrameError, match="is no TDB date"):
+        jf.Epoch.from_tdb("2026-03-01T12:00:00+02:00")
+    with pytest.raises(errors.FrameError, match="form is one of 'calendar', 'ordinal', 'julian'; found 'iso'"):
+        jf.Epoch.from_tdb("2026-03-01").to_tdb(form="iso")

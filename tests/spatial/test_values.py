@@ -166,7 +166,7 @@ def test_shapes_are_checked_where_they_are_used():
         lambda: Rotation.from_quaternion_wxyz(np.ones(3)),
         lambda: Rotation.identity() @ np.ones(4),
         lambda: Rotation.identity() @ 1.0,
-        lambda: s.norm(np.ones(2)),
+        lambda: s.kdl.norm(np.ones(2)),
     ):
         with pytest.raises(ShapeError):
             call()
@@ -206,3 +206,50 @@ def test_classes_are_not_taken_for_each_other():
     assert all((a == b) == (i == j) for i, a in enumerate(structures) for j, b in enumerate(structures))
     index = jax.jit(lambda x: jnp.asarray(CLASSES.index(type(x))))
     assert [int(index(value)) for value in values] == list(range(len(CLASSES)))
+
+
+def test_norm_of_an_infinite_vector_is_infinite(dtype):
+    for vector in ([np.inf, 0.0, 0.0], [1.0, -np.inf, np.inf]):
+        assert float(s.kdl.norm(jnp.asarray(vector, dtype))) == np.inf
+    assert np.isnan(s.kdl.norm(jnp.asarray([np.inf, np.nan, 0.0], dtype)))
+
+
+def test_epochs_are_close_by_the_seconds_between_them(dtype):
+    """Not by their size: half a second is small beside the seconds since 2000, and never the same instant."""
+    e = s.Epoch.from_tdb("2026-03-01T12:00:00.25")
+    assert s.allclose(e, e)
+    assert not s.allclose(e, e + 0.5)
+    assert not s.allclose(e, e + 1e-3)
+    assert s.allclose(e, e + 0.5, atol=0.6)
+    assert not s.allclose({"t": s.stack([e, e])}, {"t": s.stack([e, e + 0.5])})
+    assert s.allclose(s.Epoch(jnp.asarray(1.0, dtype), jnp.asarray(0.0, dtype)), s.Epoch(jnp.asarray(0.0, dtype), jnp.asarray(1.0, dtype)))
+    with pytest.raises(ShapeError, match="found Epoch and Transform"):
+        s.allclose(e, s.Transform.identity())
+
+
+def test_equal_and_dot_take_the_classes(rng, dtype):
+    """Elementwise and absolute, rotations by their matrices, as KDL's ``Equal``; the power of a wrench on a twist in either order."""
+    rotation = s.Rotation.exp(jnp.asarray(rng.normal(size=3), dtype))
+    pose = s.Transform(rotation, jnp.asarray(rng.normal(size=3), dtype))
+    twist = s.Twist(linear=jnp.asarray([1.0, 2.0, 3.0], dtype), angular=jnp.asarray([4.0, 5.0, 6.0], dtype))
+    wrench = s.Wrench(force=jnp.asarray([1.0, 0.0, 2.0], dtype), torque=jnp.asarray([0.5, 1.0, 0.0], dtype))
+    moved = s.Transform(rotation, pose.translation + 1e-3)
+    turned = s.Transform(rotation @ s.Rotation.rot_z(1e-3), pose.translation)
+    opposite = s.Transform(s.Rotation(-rotation.wxyz), pose.translation)
+    assert s.kdl.equal(pose, pose)
+    assert s.kdl.equal(pose, opposite)
+    for other in (moved, turned):
+        assert not s.kdl.equal(pose, other)
+        assert s.kdl.equal(pose, other, 2e-3)
+    assert not s.kdl.equal(rotation, turned.rotation)
+    assert s.kdl.equal(twist, twist + twist * 1e-8)
+    assert not s.kdl.equal(wrench, wrench * 1.01)
+    both = s.stack([pose, moved])
+    assert s.kdl.equal(pose, both).tolist() == [True, False]
+    assert s.kdl.equal(pose, both, jnp.asarray([1e-6, 2e-3], dtype)).tolist() == [True, True]
+    assert float(s.kdl.dot(twist, wrench)) == float(s.kdl.dot(wrench, twist)) == 1 + 6 + 2 + 5
+    for pair in ((twist, twist), (twist, jnp.ones(3)), (pose, wrench)):
+        with pytest.raises(TypeError, match="dot takes two vectors, or a Twist and a Wrench; found"):
+            s.kdl.dot(*pair)
+    with pytest.raises(TypeError, match="equal needs two values of one type; found Twist and Wrench"):
+        s.kdl.equal(twist, wrench)

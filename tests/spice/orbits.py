@@ -3,6 +3,8 @@
 import numpy as np
 import spiceypy
 
+from tests.spice import made
+
 MU = 398600.435507e9
 LEO = (6.88e6, 0.001, 0.9)
 MOLNIYA = (26.56e6, 0.74, 1.1)
@@ -28,15 +30,7 @@ def nodes(path, kind, orbit, times, degree, body=-77, origin=0.0, begin=None, en
     """Write an SPK of type 8, 9, 12 or 13 from an orbit about the Earth; epochs are origin + times."""
     position, velocity, _ = two_body(orbit, times)
     states, epochs = np.concatenate([position, velocity], 1) / 1e3, origin + np.asarray(times)
-    begin, end = epochs[0] if begin is None else begin, epochs[-1] if end is None else end
-    handle = spiceypy.spkopn(str(path), "test", 0)
-    arguments = (handle, body, 399, "J2000", begin, end, "NODES", degree, len(epochs), states)
-    if kind in (8, 12):
-        {8: spiceypy.spkw08, 12: spiceypy.spkw12}[kind](*arguments, epochs[0], epochs[1] - epochs[0])
-    else:
-        {9: spiceypy.spkw09, 13: spiceypy.spkw13}[kind](*arguments, epochs)
-    spiceypy.spkcls(handle)
-    return str(path)
+    return made.nodes(path, kind, body, 399, epochs, states, degree, begin=begin, end=end)
 
 
 def slew(times, amplitude=3e-4):
@@ -71,7 +65,7 @@ def _turn(q, w, a, axis, angle, rate, rate2):
     axis = host_quaternions.rotate(q, np.broadcast_to(axis, w.shape))
     spin = axis * rate[:, None]
     a = a + axis * rate2[:, None] + np.cross(w, spin)
-    q = host_quaternions.multiply(host_quaternions.turned(axis * angle[:, None]), q)
+    q = host_quaternions.multiply(host_quaternions.from_rotation_vector(axis * angle[:, None]), q)
     return q, w + spin, a
 
 

@@ -136,7 +136,7 @@ def test_constant_spins_type_2(cspice, tmp_path, rng):
     w = rng.normal(size=(4, 3)) * 0.3
     q = [np.array([1.0, 0, 0, 0])]
     for i in range(3):
-        q.append(host_quaternions.multiply(host_quaternions.turned(w[i] * 600.0), q[-1]))
+        q.append(host_quaternions.multiply(host_quaternions.from_rotation_vector(w[i] * 600.0), q[-1]))
     later = (np.array([2000.0, 2300.0]), np.array(q[:2]), w[:2], None)
     path = orbits.pointing(tmp_path / "2.bc", 2, edges, np.array(q), w, append=[later])
     edge, exact = made(tmp_path, path), made(tmp_path, path, ck="spice")
@@ -155,7 +155,7 @@ def test_constant_spins_type_2(cspice, tmp_path, rng):
 @pytest.mark.float64
 def test_day_long_spins_of_a_clock_that_counts_terrestrial_time(tmp_path, paths, rng):
     spin, seconds = np.array([0.1, -0.2, 0.35]), np.array([0.0, 80000.0, 86400.0])
-    q = host_quaternions.turned(spin * seconds[:, None])
+    q = host_quaternions.from_rotation_vector(spin * seconds[:, None])
     path = orbits.pointing(tmp_path / "2.bc", 2, seconds, q, np.tile(spin, (3, 1)))
     files = [p for p in paths if p.endswith(".tls")] + orbits.clock(tmp_path, ORIGIN, system=2)
     with jf.spice.Kernels([*files, path]) as kernels:
@@ -163,7 +163,7 @@ def test_day_long_spins_of_a_clock_that_counts_terrestrial_time(tmp_path, paths,
     past = rng.integers(0, 86400 * 64, 1000) / 64
     mean = 6.239996 + 1.99096871e-7 * (ORIGIN + past)
     epochs = jf.Epoch(ORIGIN + past, 1.657e-3 * np.sin(mean + 1.671e-2 * np.sin(mean)))
-    truth = host_quaternions.turned(spin * past[:, None])
+    truth = host_quaternions.from_rotation_vector(spin * past[:, None])
     # TDB against TT bends by 6e-8 s over a day, 2e-8 rad of this spin.
     assert angle(edge.evaluate(epochs, 0)[0], truth) < 3e-11
     assert angle(smooth.evaluate(epochs, 0)[0], truth) < 3e-11
@@ -194,7 +194,7 @@ def test_instants_type_1_are_joined_only_as_far_as_asked(cspice, tmp_path):
 def test_later_segments_win_and_gaps_fall_through(cspice, tmp_path, rng):
     def other(t):
         q, w, a = orbits.slew(t, 1e-3)
-        turn = host_quaternions.turned(np.array([0.3, 0.2, 0.1]))
+        turn = host_quaternions.from_rotation_vector(np.array([0.3, 0.2, 0.1]))
         return host_quaternions.multiply(np.broadcast_to(turn, q.shape), q), host_quaternions.rotate(np.broadcast_to(turn, q.shape), w), a
 
     low, high = np.arange(0, 401, 20.0), np.concatenate([np.arange(95, 186, 10.0), np.arange(245, 306, 15.0)])
@@ -346,3 +346,62 @@ def test_damaged_knots(tmp_path, word, value):
     words.tofile(path)
     with pytest.raises(errors.BadKernelError, match="damaged or cut off"):
         made(tmp_path, path)
+
+
+WRONG = {
+    "zeros": lambda q, w: np.zeros_like(w),
+    "body axes": lambda q, w: host_quaternions.rotate(host_quaternions.conjugate(q), w),
+    "degrees": lambda q, w: np.rad2deg(w),
+}
+
+
+@pytest.mark.float64
+@pytest.mark.parametrize("kind", [1, 3])
+@pytest.mark.parametrize("wrong", WRONG)
+def test_rates_that_are_none_of_the_attitudes_are_replaced(tmp_path, rng, kind, wrong):
+    """A body that turns at 2e-3 rad/s and wanders: between knots it is where its attitudes say, whatever rates were recorded."""
+    start = host_quaternions.from_rotation_vector(np.array([0.9, -0.4, 1.3]))
+    spin = np.array([1.2e-3, -1.0e-3, 1.2e-3])
+
+    def truth(t):
+        q = orbits.slew(t, 1e-3)[0]
+        turned = host_quaternions.from_rotation_vector(spin * t[:, None])
+        return host_quaternions.multiply(host_quaternions.multiply(turned, q), np.broadcast_to(start, q.shape))
+
+    knots = np.arange(0.0, 601.0, 10.0)
+    h = 1e-3
+    poses = truth(knots)
+    between = host_quaternions.multiply(truth(knots + h), host_quaternions.conjugate(truth(knots - h)))
+    rates = host_quaternions.vector_of(between) / (2 * h)
+    path = orbits.pointing(tmp_path / "wrong.bc", kind, knots, poses, WRONG[wrong](poses, rates))
+    options = {"bridge": 15.0} if kind == 1 else {}
+    with pytest.warns(errors.FrameWarning, match=r"TESTCRAFT: segment .* its angular velocities are none of its attitudes"):
+        table = made(tmp_path, path, **options)
+    assert any("replaced by those of the attitudes" in note for note in table.info.notes)
+    past = rng.integers(0, int(knots[-1] * 1024), 500) / 1024
+    got = table.evaluate(jf.Epoch(np.full(len(past), ORIGIN), past), 0)[0]
+    assert angle(got, truth(past)) < 2e-6  # 0.01 rad with rates of zero; the wandering alone bends 3e-5 rad between knots
+    # As SPICE: no replacement, and no warning.
+    assert made(tmp_path, path, ck="spice", **options).info.notes == ()
+    # Right rates stay, silently: warnings are errors here.
+    right = made(tmp_path, orbits.pointing(tmp_path / "right.bc", kind, knots, poses, rates), **options)
+    assert not any("replaced" in note for note in right.info.notes)
+
+
+@pytest.mark.float64
+def test_noise_jumps_and_rests_are_no_contradiction(tmp_path, rng):
+    """Star trackers jitter, estimators start anew, planned slews are at rest at both ends: recorded rates stay."""
+    knots = np.arange(0.0, 401.0, 4.0)
+    q, w, _ = orbits.slew(knots, 1e-3)
+    noise = host_quaternions.from_rotation_vector(rng.normal(size=(len(knots), 3)) * 2e-5)
+    jump = np.where(knots[:, None] > 200.0, host_quaternions.from_rotation_vector(np.array([3e-3, 0.0, 0.0])), [1.0, 0, 0, 0])
+    steps = host_quaternions.from_rotation_vector(np.cumsum((np.arange(len(knots)) % 4 == 3)[:, None] * [0.0, 0.1, 0.2], 0))
+    cases = {
+        "noise": (host_quaternions.multiply(noise, q), w),
+        "gyro": (q, w + rng.normal(size=w.shape) * 1e-5),
+        "jump": (host_quaternions.multiply(jump, q), w),
+        "rests": (steps, np.zeros_like(w)),
+    }
+    for name, (poses, rates) in cases.items():
+        table = made(tmp_path, orbits.pointing(tmp_path / f"{name}.bc", 3, knots, poses, rates))
+        assert not any("replaced" in note for note in table.info.notes), name

@@ -91,7 +91,7 @@ def test_binary_pck(cspice, tmp_path, rng, order):
 def test_attitudes(cspice, tmp_path, order):
     def other(t):
         q, w, _ = orbits.slew(t)
-        turn = np.broadcast_to(host_quaternions.turned(np.array([0.3, 0.2, 0.1])), q.shape)
+        turn = np.broadcast_to(host_quaternions.from_rotation_vector(np.array([0.3, 0.2, 0.1])), q.shape)
         return host_quaternions.multiply(turn, q), host_quaternions.rotate(turn, w)
 
     pieces = []

@@ -35,7 +35,7 @@ def tables(paths, file):
 
 def test_they_know_what_they_are(tables):
     edge = tables["me"]
-    assert isinstance(edge, jf.spice.FixedFrame)
+    assert isinstance(edge, jf.tables.FixedFrame)
     assert isinstance(edge, jf.edges.Fixed)
     info = edge.info
     assert (info.kind, info.of, info.of_id, info.relative_to, info.relative_id, info.center) == (

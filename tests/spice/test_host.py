@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import jaxframes as jf
+from jaxframes.numerics.host_quaternions import from_matrices
 from jaxframes.spice.extraction import joining
-from jaxframes.spice.extraction.constant_in_time import quaternion
 from jaxframes.tables.info import decimal
 from jaxframes.tables.instants import exact_seconds, reference_day, split
 
@@ -46,7 +46,7 @@ def test_split_keeps_48_bits_in_float32(rng):
 
 
 def test_instants():
-    assert exact_seconds("2000-01-01T12:00:00.1") == Fraction(1, 10)
+    assert exact_seconds("2000-01-01T12:00:00.1 TDB") == Fraction(1, 10)
     assert exact_seconds(0.1) == Fraction(0.1)
     assert exact_seconds(jf.Epoch.from_tdb("2026-01-01")) == 820497600
 
@@ -63,7 +63,7 @@ def test_quaternion_of_a_matrix(rng):
                 [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
             ]
         )
-        assert np.abs(quaternion(matrix) - q).max() < 1e-15
+        assert np.abs(from_matrices(matrix) - q).max() < 1e-15
 
 
 def test_shipped_tables_agree_with_the_kernels(kernels, rng, dtype):

@@ -203,3 +203,59 @@ def test_options_that_do_not_exist(tree, options, message):
 def test_a_state_without_time(tree):
     with pytest.raises(errors.MissingInputError, match="light time needs the time"):
         tree.apparent(tree.state(), of=MARS, relative_to=EARTH)
+
+
+@pytest.mark.parametrize("correction", LOOKS)
+def test_origins_that_coincide_are_seen_where_they_are(correction, cspice, dtype):
+    """As CSPICE says of a body seen from itself: no distance, no light time; and gradients are finite, zero for the light time."""
+    b = jf.TreeBuilder(root="ssb")
+    b.add("craft", parent="ssb", edge=jf.edges.Prescribed())
+    b.add("camera", parent="craft", edge=jf.edges.Movable())
+    b.add("bracket", parent="craft", edge=jf.edges.Fixed())
+    tree = b.build()
+    motion = jf.Motion.at_rest(jf.Transform.from_translation(jnp.asarray([1e8, 2e8, -3e8], dtype)))
+    motion = dataclasses.replace(
+        motion,
+        velocity=jf.SpatialVelocity(jnp.zeros(3, dtype), jnp.asarray([1e4, -2e4, 5e3], dtype)),
+        acceleration=jf.SpatialAcceleration(jnp.zeros(3, dtype), jnp.asarray([1e-3, 2e-3, 0.0], dtype)),
+    )
+    state = tree.set_motions(tree.state(time=8.3e8), {"craft": motion})
+
+    def look(state):
+        return tree.apparent(state, of="bracket", relative_to="craft", **LOOKS[correction])
+
+    known, delay = cspice.spkezr("EARTH", 8.3e8, "J2000", correction, "EARTH")
+    assert np.array_equal(known, np.zeros(6))
+    assert delay == 0.0
+    for seen_so in (look(state), jax.jit(look)(state)):
+        for part in (seen_so.position, seen_so.velocity, seen_so.acceleration, seen_so.light_time, seen_so.light_time_rate):
+            assert part is None or np.array_equal(part, np.zeros_like(part))
+        assert seen_so.coverage == 0
+
+    def light_time(p):
+        moved = dataclasses.replace(motion, transform=jf.Transform.from_translation(p))
+        found = look(tree.set_motion(state, "craft", moved.transform))
+        return found.light_time + jnp.sum(found.position) + jnp.sum(found.velocity)
+
+    gradient = jax.grad(light_time)(motion.transform.translation)
+    assert np.array_equal(gradient, np.zeros(3))
+
+
+def test_the_batch_of_a_tree_and_that_of_the_times_broadcast(tree, times, dtype):
+    shifts = np.array([0.0, 1e7])
+    b = jf.TreeBuilder.from_tree(tree)
+    at = jf.Transform.from_translation(np.stack([shifts, 0 * shifts, 0 * shifts], -1)[:, None])
+    b.add("probe", parent=EARTH, edge=jf.edges.Fixed(at))
+    batched = b.build()
+    few = jf.Epoch.from_et(times[:5])
+    found = batched.apparent(batched.state(time=few), of=MARS, relative_to="probe", aberration=True)
+    assert found.position.shape == (2, 5, 3)
+    assert found.light_time.shape == found.coverage.shape == (2, 5)
+    for i, shift in enumerate(shifts):
+        alone = jf.TreeBuilder.from_tree(tree)
+        alone.add("probe", parent=EARTH, edge=jf.edges.Fixed(jf.Transform.from_translation((shift, 0.0, 0.0))))
+        one = alone.build()
+        single = one.apparent(one.state(time=few), of=MARS, relative_to="probe", aberration=True)
+        for name in ("position", "velocity", "acceleration", "light_time"):
+            a, b_ = np.asarray(getattr(found, name)[i], float), np.asarray(getattr(single, name), float)
+            assert np.abs(a - b_).max() <= 64 * np.finfo(dtype).eps * np.abs(b_).max()

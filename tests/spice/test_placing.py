@@ -134,3 +134,54 @@ def test_loaded_tables_are_a_dict_that_a_builder_takes(links, itrf93, tmp_path):
 def test_what_holds_no_tables_is_refused(nothing):
     with pytest.raises(errors.EdgeError, match=r"add_spice takes jf\.spice\.Kernels or tables made by them, found"):
         jf.TreeBuilder(root="SSB").add_spice(nothing, body="MOON")
+
+
+def hung(parent, name, table, **properties):
+    """The tree of a table below a frame of a Solar System tree."""
+    tables = jf.spice.example_tables()
+    b = jf.TreeBuilder(root="ssb")
+    b.add("emb", parent="ssb", edge=tables["emb"])
+    b.add("earth", parent="emb", edge=tables["earth"])
+    b.add("body", parent="earth", edge=jf.edges.Fixed())
+    b.add(name, parent=parent, edge=tables[table], properties=properties)
+    return b
+
+
+@pytest.mark.parametrize(
+    ("parent", "table", "said"),
+    [
+        (
+            "ssb",
+            "moon",
+            r"frame 'x': its table is MOON from EARTH in J2000, and it hangs on 'ssb', which is body SSB \(0\) and SPICE frame 1, as ",
+        ),
+        (
+            "emb",
+            "moon",
+            r"hangs on 'emb', which is body EARTH BARYCENTER \(3\) and SPICE frame 1, as its own table says: hang it on the frame",
+        ),
+        ("earth", "earth", r"hangs on 'earth', which is body EARTH \(399\)"),
+    ],
+)
+def test_a_table_below_another_frame_than_it_starts_from_is_named(parent, table, said):
+    with pytest.warns(errors.FrameWarning, match=said):
+        tree = hung(parent, "x", table).build()
+    assert [s for s in tree.check(tree.state(time=8.3e8)) if "its table is" in s]
+    told = hung(parent, "x", table, spice_check=False).build()
+    assert told.check(told.state(time=8.3e8)) == ()
+
+
+def test_tables_where_they_belong_are_not_named():
+    """Below frames that say nothing of themselves too, until another table says something else of them."""
+    for parent, table in (("earth", "moon"), ("body", "moon"), ("body", "itrf93"), ("earth", "itrf93"), ("ssb", "sun")):
+        tree = hung(parent, "x", table).build()
+        assert tree.check(tree.state(time=8.3e8)) == ()
+    b = hung("body", "x", "moon")
+    b.add("y", parent="body", edge=jf.spice.example_tables()["sun"])
+    with pytest.warns(errors.FrameWarning, match=r"frame 'y': its table is SUN from SSB .* as the table of 'x' says"):
+        b.build()
+    b = jf.TreeBuilder(root="anywhere")
+    b.set_properties("anywhere", {"spice_body": 301, "spice_frame": 1})
+    b.add("y", parent="anywhere", edge=jf.spice.example_tables()["moon"])
+    with pytest.warns(errors.FrameWarning, match=r"which is body MOON \(301\) and SPICE frame 1, as its properties say"):
+        b.build()

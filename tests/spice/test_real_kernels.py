@@ -324,7 +324,7 @@ def test_frames_of_date_that_are_declared_inertial(imap, rng, frame):
 def test_chains_of_frames_are_fitted_where_all_have_data(imap, rng, frame, base):
     with pytest.raises(errors.CoverageError, match=r"missing: 2025-05-01T00:00:00.000 .. 2025-05-01T00:30:54.186"):
         imap.orientation(frame=frame, relative_to=base, tolerance=T(angle=2e-7), start="2025-05-01", stop="2025-06-01")
-    span = {"start": "2025-05-01T01:00:00", "stop": "2025-05-31T23:00:00"}
+    span = {"start": "2025-05-01T01:00:00 TDB", "stop": "2025-05-31T23:00:00 TDB"}
     table = imap.orientation(frame=frame, relative_to=base, tolerance=T(angle=2e-7), **span)
     times = rng.uniform(*span_of(table), 1000)
     inside = np.asarray(table.coverage_code(times)) == 0
@@ -355,7 +355,7 @@ def test_listings_of_a_mission(imap):
 
 def test_a_mission_as_one_tree(imap, rng):
     frames = ["IMAP_ULTRA_45", "IMAP_MAG_O", "IMAP_DPS", "IMAP_GSE", "IMAP_RTN", "IMAP_HGC", "IAU_EARTH"]
-    span = {"start": "2025-06-01T01:00:00", "stop": "2025-06-30T23:00:00"}
+    span = {"start": "2025-06-01T01:00:00 TDB", "stop": "2025-06-30T23:00:00 TDB"}
     tree = imap.tree(bodies=["IMAP", "SUN", "MOON"], frames=frames, tolerance=T(angle=1e-9), **span)
     assert {name: tree.parent(name) for name in ("IMAP_ULTRA_45", "IMAP_SPACECRAFT", "IMAP_MAG_O", "IMAP_RTN", "IMAP_GSE")} == {
         "IMAP_ULTRA_45": "IMAP_SPACECRAFT",
@@ -428,7 +428,7 @@ def test_excerpts(rng, name):
 def test_moons_of_jupiter_from_the_earth(rng):
     files = [shipped("skyfield", "skyfield", "tests", "data") / "jup310-2015-03-02.bsp", *eop("de440")]
     with both(files) as kernels:
-        tree = kernels.tree(bodies=["EARTH", 501, 502, 503, 504, 516, 599], start="2015-03-02T12:00:00", stop="2015-03-03T18:00:00")
+        tree = kernels.tree(bodies=["EARTH", 501, 502, 503, 504, 516, 599], start="2015-03-02T12:00:00 TDB", stop="2015-03-03T18:00:00 TDB")
         assert tree.parent("IO") == "JUPITER BARYCENTER"
         times = np.round(rng.uniform(478569600, 478677600, 200))
         state = tree.state(time=times)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxframes.staging.blocks import SIZES, Batch, Work, worked
+from jaxframes.staging.blocks import SIZES, Batch, Work, run_work
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ def plain(rows, matrix):
 
 
 def blocked(rows, matrix):
-    (out,) = worked(Product(), Batch(len(rows), (True, False), (True,)), rows, matrix)
+    (out,) = run_work(Product(), Batch(len(rows), (True, False), (True,)), rows, matrix)
     return out.sum(1)
 
 
@@ -55,7 +55,7 @@ def test_values_and_derivatives(given):
 @pytest.mark.float64
 def test_sums_over_the_batch(given):
     rows, matrix = given
-    work = lambda rows, matrix: worked(Product(True), Batch(len(rows), (True, False), (True, False)), rows, matrix)[1]
+    work = lambda rows, matrix: run_work(Product(True), Batch(len(rows), (True, False), (True, False)), rows, matrix)[1]
     sums = lambda rows, matrix: jnp.sum((jnp.sin(rows) @ matrix) ** 2, 0)
     chex.assert_trees_all_close(jax.jit(work)(rows, matrix), sums(rows, matrix), rtol=1e-11)
     slope = lambda f: jax.jit(jax.grad(lambda rows, matrix: jnp.sum(f(rows, matrix) ** 2), (0, 1)))(rows, matrix)
@@ -65,7 +65,7 @@ def test_sums_over_the_batch(given):
 @pytest.mark.float64
 def test_a_mapped_axis_becomes_the_batch(given):
     rows, matrix = given
-    one = lambda row, matrix: worked(Product(), None, row[None], matrix)[0].sum()
+    one = lambda row, matrix: run_work(Product(), None, row[None], matrix)[0].sum()
     loss = lambda matrix: jnp.sum(jax.vmap(one, in_axes=(0, None))(rows, matrix) ** 2)
     exact = lambda matrix: jnp.sum(plain(rows, matrix) ** 2)
     chex.assert_trees_all_close(jax.jit(jax.value_and_grad(loss))(matrix), jax.value_and_grad(exact)(matrix), rtol=1e-11)

@@ -5,14 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxframes.staging.columns import column, joined
+from jaxframes.staging.columns import column, join_columns
 
 
 @pytest.mark.parametrize("shape", [(), (1,), (2, 3)])
 @pytest.mark.parametrize("count", [1, 2, 7])
 def test_values(shape, count, rng, dtype):
     parts = [jnp.asarray(rng.normal(size=shape), dtype) for _ in range(count)]
-    for how in (joined, jax.jit(joined)):
+    for how in (join_columns, jax.jit(join_columns)):
         whole = how(parts)
         assert whole.dtype == dtype
         assert np.array_equal(whole, np.stack(parts, -1))
@@ -23,9 +23,9 @@ def test_values(shape, count, rng, dtype):
 
 def test_batching_where_some_have_the_axis(rng, dtype):
     a, b = jnp.asarray(rng.normal(size=(4, 3)), dtype), jnp.asarray(rng.normal(size=3), dtype)
-    made = jax.vmap(lambda x, y: joined([x, y]), in_axes=(0, None))(a, b)
+    made = jax.vmap(lambda x, y: join_columns([x, y]), in_axes=(0, None))(a, b)
     assert np.array_equal(made, np.stack([a, np.broadcast_to(b, (4, 3))], -1))
-    across = jax.vmap(lambda x: joined([x, b[:1].repeat(4)]), in_axes=1, out_axes=0)(a)
+    across = jax.vmap(lambda x: join_columns([x, b[:1].repeat(4)]), in_axes=1, out_axes=0)(a)
     assert np.array_equal(across[2, :, 0], a[:, 2])
     whole = jnp.asarray(rng.normal(size=(5, 2, 3)), dtype)
     assert np.array_equal(jax.vmap(lambda x: column(x, 1), in_axes=1)(whole), np.swapaxes(whole[..., 1], 0, 1))
@@ -36,7 +36,7 @@ def test_derivatives_of_every_order_are_the_other_way(rng, dtype):
     weights = jnp.asarray(rng.normal(size=(2, 3)), dtype)
 
     def back(x):
-        return jnp.sum(joined([column(x, i) for i in (2, 0, 1)]) ** 3 * weights)
+        return jnp.sum(join_columns([column(x, i) for i in (2, 0, 1)]) ** 3 * weights)
 
     def plain(x):
         return jnp.sum(x[:, jnp.array([2, 0, 1])] ** 3 * weights)
@@ -50,7 +50,7 @@ def test_derivatives_of_every_order_are_the_other_way(rng, dtype):
 
 
 def test_derivatives_are_neither_pads_nor_sums():
-    program = lambda x: jnp.sum(joined([column(x, 0) * column(x, 1), column(x, 2)]) ** 2)
+    program = lambda x: jnp.sum(join_columns([column(x, 0) * column(x, 1), column(x, 2)]) ** 2)
     text = jax.jit(jax.grad(program)).lower(jnp.ones((8, 3))).as_text()
     for word in ("stablehlo.pad", "stablehlo.concatenate", "stablehlo.scatter"):
         assert word not in text

@@ -1,5 +1,6 @@
 """Extraction of C-kernel attitudes (CK types 1 to 3): which segments serve, knots in time, gaps."""
 
+import warnings
 from dataclasses import fields, replace
 from fractions import Fraction
 from pathlib import Path
@@ -7,12 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from jaxframes.errors import CoverageError, NoPathError
+from jaxframes.errors import CoverageError, FrameWarning, NoPathError
 from jaxframes.numerics import host_quaternions, host_two_part
 from jaxframes.spice import accuracy
 from jaxframes.spice.assembly import assembled
 from jaxframes.spice.options import OrientationRequest
-from jaxframes.spice.reading.ck_segments import GRACE, KNOTS, Intervals, layered, read_intervals, segments_serving
+from jaxframes.spice.reading.ck_segments import (
+    GRACE,
+    KNOTS,
+    Intervals,
+    layered,
+    rate_contradiction,
+    read_intervals,
+    segments_serving,
+    with_own_rates,
+)
 from jaxframes.spice.reading.clocks import Clock, clock_of
 from jaxframes.spice.reading.naming import INERTIAL, FrameFacts
 from jaxframes.spice.reading.pool import KernelPool
@@ -57,7 +67,9 @@ def attitude(pool: KernelPool, request: OrientationRequest) -> AttitudeTable:
             "to have a table fitted."
         )
     rotations = {s.frame: _base_rotation(pool, s, of, base) for s in reversed(touching)}
-    runs = [(s, _rotated(_read(pool, s, clock, request.bridge), rotations[s.frame])) for s in touching]
+    found = [_read(pool, s, clock, request.bridge, ck) for s in touching]
+    runs = [(s, _rotated(intervals, rotations[s.frame])) for s, (intervals, _) in zip(touching, found, strict=True)]
+    contradicted = {s: size for s, (_, size) in zip(touching, found, strict=True) if size}
     intervals, used = layered([r for r in runs if len(r[1].start)], -np.inf, np.inf)
     if intervals is None:
         raise _uncovered(of, [], low, high, begins, ends)
@@ -84,17 +96,36 @@ def attitude(pool: KernelPool, request: OrientationRequest) -> AttitudeTable:
     facts = {
         "method": f"knots of C-kernels, ck={ck!r}",
         "measured": accuracy.knots(pool, of.name, base.name, records, ck, reference, bounds) + measured,
-        "notes": _notes(used, gaps),
+        "notes": (*_notes(used, gaps), *_contradictions(of, contradicted, used)),
         "segments": tuple(dict.fromkeys(f"{s.describe()}, frame id {s.frame}" for s in used)),
     }
     files = [Path(p) for p in sorted({s.path for s in used})]
     return assembled(pool, AttitudeTable, "knots", request.names, bounds, [records], files, facts, mode=ck)
 
 
-def _read(pool: KernelPool, segment: CkSegment, clock: Clock, bridge: float | None) -> Intervals:
+def _read(pool: KernelPool, segment: CkSegment, clock: Clock, bridge: float | None, ck: str) -> tuple[Intervals, float]:
+    """Return a segment's intervals, and by how much its rates contradict its attitudes where they were replaced."""
     a, b = clock.seconds_of(np.array([segment.begin, segment.end]))[0]
-    tick = (b - a) / (segment.end - segment.begin) if segment.end > segment.begin else 1.0
-    return read_intervals(pool, segment, float(tick), bridge)
+    tick = float((b - a) / (segment.end - segment.begin) if segment.end > segment.begin else 1.0)
+    intervals = read_intervals(pool, segment, tick, bridge)
+    if ck == "spice" or not segment.has_rates or segment.type == 2:
+        return intervals, 0.0
+    size = rate_contradiction(intervals, tick)
+    return (with_own_rates(intervals, tick) if size else intervals), size
+
+
+def _contradictions(of: FrameFacts, sizes: dict[CkSegment, float], used: list[CkSegment]) -> tuple[str, ...]:
+    """Return a note for each segment used whose rates were replaced, and warn of them."""
+    notes = [
+        f"{s.describe()}: its angular velocities are none of its attitudes (off by up to {sizes[s]:.2g} rad over an interval): replaced by "
+        "those of the attitudes"
+        for s in used
+        if s in sizes
+    ]
+    if notes:
+        more = f" and {len(notes) - 1} more segments" if len(notes) > 1 else ""
+        warnings.warn(f"{of.name}: {notes[0]}{more}. ck='spice' takes them as SPICE does.", FrameWarning, stacklevel=5)
+    return tuple(notes)
 
 
 def _base_rotation(pool: KernelPool, segment: CkSegment, of: FrameFacts, base: FrameFacts) -> np.ndarray | None:
@@ -203,7 +234,7 @@ def _measured(intervals: Intervals, t0: host_two_part.Pair, t1: host_two_part.Pa
     length = (t1[0] - t0[0]) + (t1[1] - t0[1])
     mean = intervals.rotation_vector / length[:, None]
     apart = max(float(np.linalg.norm(w - mean, axis=1).max()) for w in (intervals.w0, intervals.w1))
-    end = host_quaternions.multiply(host_quaternions.turned(intervals.rotation_vector), intervals.q)
+    end = host_quaternions.multiply(host_quaternions.from_rotation_vector(intervals.rotation_vector), intervals.q)
     touch = np.abs(t0[0][1:] - t1[0][:-1]) <= 2 * float(GRACE)
     gap = host_quaternions.vector_of(host_quaternions.multiply(intervals.q[1:], host_quaternions.conjugate(end[:-1])))[touch]
     step = (intervals.w0[1:] - intervals.w1[:-1])[touch]

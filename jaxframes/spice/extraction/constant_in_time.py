@@ -1,7 +1,6 @@
 """Orientations that are constant in time: frames at fixed offsets, inertial frames; and the facts of edges without an end."""
 
-import numpy as np
-
+from jaxframes.numerics import host_quaternions
 from jaxframes.spice.options import OrientationRequest
 from jaxframes.spice.reading.frame_chain import anchored
 from jaxframes.spice.reading.kernel_files import sha256
@@ -20,7 +19,7 @@ def fixed_frame(pool: KernelPool, request: OrientationRequest) -> FixedFrame | N
     if of.frame.id != base.frame.id and not (of.inertial and base.inertial):
         return None
     between = pool.rotation(of.frame.name, base.frame.name)
-    pose = rotation_only(quaternion(base.matrix.T @ between @ of.matrix))
+    pose = rotation_only(host_quaternions.from_matrices(base.matrix.T @ between @ of.matrix))
     return FixedFrame(pose, constant_info(pool, request, "fixed", "constant rotation"))
 
 
@@ -36,18 +35,3 @@ def constant_info(pool: KernelPool, request: OrientationRequest, kind: str, meth
         method=method,
         center=request.of.center,
     )
-
-
-def quaternion(matrix: np.ndarray) -> np.ndarray:
-    """Return the unit quaternion wxyz of a rotation matrix: the eigenvector of Bar-Itzhack's 4x4 form (2000)."""
-    m = matrix
-    form = np.array(
-        [
-            [m[0, 0] + m[1, 1] + m[2, 2], m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]],
-            [m[2, 1] - m[1, 2], m[0, 0] - m[1, 1] - m[2, 2], m[0, 1] + m[1, 0], m[0, 2] + m[2, 0]],
-            [m[0, 2] - m[2, 0], m[0, 1] + m[1, 0], m[1, 1] - m[0, 0] - m[2, 2], m[1, 2] + m[2, 1]],
-            [m[1, 0] - m[0, 1], m[0, 2] + m[2, 0], m[1, 2] + m[2, 1], m[2, 2] - m[0, 0] - m[1, 1]],
-        ]
-    )
-    vector = np.linalg.eigh(form)[1][:, -1]
-    return vector if vector[np.argmax(np.abs(vector))] > 0 else -vector

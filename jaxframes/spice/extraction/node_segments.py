@@ -63,7 +63,8 @@ def _directory(pool: KernelPool, segment: Segment) -> tuple[np.ndarray, int]:
         raise damaged(segment, f"it has {size} words")
     tail = pool.words(segment, segment.last - tail_words + 1, segment.last)
     window, count = tail[-2] + 1, tail[-1]
-    if not np.isfinite(tail).all() or window != int(window) or count != int(count) or not 2 <= window <= min(count, MOST_WINDOW):
+    least = 1 if segment.type in HERMITE else 2  # one node with its velocity makes a line
+    if not np.isfinite(tail).all() or window != int(window) or count != int(count) or not least <= window <= min(count, MOST_WINDOW):
         raise damaged(segment, f"it says {count:g} nodes in windows of {window:g}")
     n = int(count)
     if segment.type in EQUAL_STEPS:

@@ -3,11 +3,11 @@
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.errors import NoPathError
+from jaxframes.errors import CoverageError, NoPathError
+from jaxframes.numerics import host_quaternions
 from jaxframes.spice import accuracy
 from jaxframes.spice.assembly import assembled
 from jaxframes.spice.extraction import ck_attitude, joining
-from jaxframes.spice.extraction.constant_in_time import quaternion
 from jaxframes.spice.extraction.text_pck import has_text_pck, model_axes, no_data, text_pck
 from jaxframes.spice.options import OrientationRequest
 from jaxframes.spice.reading.frame_chain import anchored
@@ -60,14 +60,22 @@ def pck(pool: KernelPool, request: OrientationRequest) -> OrientationTable | Iau
     if not has_text_pck(pool, class_id):
         raise no_data(pool, request)
     placement = pool.rotation(model_axes(pool, class_id), request.base.name)
-    return text_pck(pool, request, quaternion(placement))
+    return text_pck(pool, request, host_quaternions.from_matrices(placement))
 
 
 def binary_pck(pool: KernelPool, request: OrientationRequest) -> OrientationTable:
     """Return the orientation of a frame from binary PCK segments, by extraction of their records: exact."""
     of, base = request.of, request.base
     bounds = pool.span(request.start, request.stop, "PCK", (of.class_id,))
-    pieces = orientation_pieces(of.class_id, of.name, pool.segments, *bounds)
+    try:
+        pieces = orientation_pieces(of.class_id, of.name, pool.segments, *bounds)
+    except CoverageError as error:
+        if not has_text_pck(pool, of.class_id):
+            raise
+        raise CoverageError(
+            f"{error}\nA text PCK loaded orients {of.name} too, at every instant, and SPICE falls back to it outside of the binary PCK. "
+            "For that model open the kernels without the binary PCK."
+        ) from None
     bases = {piece.segment.frame for piece in pieces}
     if len(bases) > 1:
         raise NoPathError(
@@ -75,7 +83,7 @@ def binary_pck(pool: KernelPool, request: OrientationRequest) -> OrientationTabl
         )
     rotation = joining.segment_rotation(pool, pieces[0].segment, base.name)
     records, _ = joining.join_pieces(pool, [(piece, None) for piece in pieces], 1, bounds[0])
-    placement, records = quaternion(np.eye(3) if rotation is None else rotation), joining.unwrapped(records)
+    placement, records = host_quaternions.from_matrices(np.eye(3) if rotation is None else rotation), joining.unwrapped(records)
     facts = {"measured": accuracy.angles(pool, of.name, base.name, records, placement, reference_day(bounds[0]), bounds)}
     placed = jnp.asarray(placement, default_float())
     return assembled(pool, OrientationTable, "orientation", request.names, bounds, [records], pieces, facts, placement=placed)

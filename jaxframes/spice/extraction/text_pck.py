@@ -45,7 +45,7 @@ def text_pck(pool: KernelPool, request: OrientationRequest, placement: np.ndarra
     if not all(np.isfinite(np.asarray(x, float)).all() for x in (*polynomials, *waves, angles or [])):
         raise BadKernelError(f"The PCK constants of {label} are not all finite.")
     arrays = {
-        "polynomials": _stacked([_scaled(*pair) for pair in zip(polynomials, (CENTURY, CENTURY, DAY), strict=True)]),
+        "polynomials": _rows_in_two_parts([_scaled(*pair) for pair in zip(polynomials, (CENTURY, CENTURY, DAY), strict=True)]),
         "placement": placement,
         "reference": np.array(two_parts((Fraction(epoch[0]) - J2000_JULIAN_DATE) * DAY if epoch else Fraction(0))),
     }
@@ -54,7 +54,7 @@ def text_pck(pool: KernelPool, request: OrientationRequest, placement: np.ndarra
         amplitudes[: len(wave), column] = np.radians(wave)
     used = [i for i in range(len(phases)) if amplitudes[i].any()]
     arrays["amplitudes"] = amplitudes[used]
-    arrays["phases"] = _stacked([_scaled(phases[i], CENTURY) for i in used])
+    arrays["phases"] = _rows_in_two_parts([_scaled(phases[i], CENTURY) for i in used])
     assert {*PAIRED, "amplitudes", "placement"} == set(arrays)
     info = constant_info(pool, request, "iau", "analytic model of a text PCK")
     measured = accuracy.model(pool, request.of.name, request.base.name, arrays)
@@ -110,7 +110,7 @@ def _scaled(terms: Sequence[float], unit: int) -> list[Fraction]:
     return out + [Fraction(0)] * (2 - len(out))
 
 
-def _stacked(rows: Sequence[Sequence[Fraction]]) -> np.ndarray:
+def _rows_in_two_parts(rows: Sequence[Sequence[Fraction]]) -> np.ndarray:
     """Return rows of exact numbers as ``[rows, terms, 2]``, each number in two parts; trailing terms that are all zero are left out."""
     terms = max([2, *(k + 1 for row in rows for k, value in enumerate(row) if value)])
     padded = [[*row, *[Fraction(0)] * terms][:terms] for row in rows]

