@@ -143,6 +143,75 @@ def wing(module):
     return WINGS.get(parts[2]) if parts[1:2] == ["spice"] and len(parts) > 2 else None
 
 
+def names_made_in(tree):
+    """Every name that a module defines or assigns, attributes of ``self`` and ``cls`` among them."""
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
+            yield node.name
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield node.id
+        elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store) and is_own(node.value):
+            yield node.attr
+
+
+def is_own(node):
+    """Whether an expression is ``self``, ``cls`` or ``super()``."""
+    called = node.func if isinstance(node, ast.Call) else None
+    return (isinstance(node, ast.Name) and node.id in ("self", "cls")) or (isinstance(called, ast.Name) and called.id == "super")
+
+
+def is_private(name):
+    return name.startswith("_") and not name.startswith("__") and name not in ("_replace", "_fields", "_asdict", "_make")  # named tuples'
+
+
+def private_names(text):
+    """Private names of other modules that a module reads: attributes of anything but its own classes, and imports."""
+    tree = ast.parse(text)
+    own = set(names_made_in(tree))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and is_private(node.attr) and node.attr not in own and not is_own(node.value):
+            yield f"{node.lineno}: {ast.unparse(node)}"
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "jaxframes":
+            yield from (f"{node.lineno}: {alias.name}" for alias in node.names if is_private(alias.name) and alias.name != "_version")
+
+
+def test_private_names_are_read_in_their_own_module_alone():
+    assert sorted(private_names("import a\nclass C:\n    def f(self, other): return self._x + other._x + other._f() + a._g")) == [
+        "3: a._g",
+        "3: other._f",
+        "3: other._x",
+    ]
+    assert list(private_names("class C:\n    _x = 1\n    def f(self, other): return super()._y + other._x")) == []
+    assert [f"{name_of(path)}:{found}" for path in FILES for found in private_names(path.read_text())] == []
+
+
+FOREIGN = {"staging": "JAX", "io/interop.py": "SciPy", "spice/reading/worker.py": "exceptions of spiceypy"}
+"""Where an object of another library may be asked what it has."""
+ARRAY_LIKE = ("dtype", "shape")
+"""What any array-like of a user may have or not, and what is read of the answer."""
+
+
+def duck_typing(text):
+    """Calls that ask an object whether it has an attribute that a base class would say it has."""
+    for node in ast.walk(ast.parse(text)):
+        if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("hasattr", "getattr")):
+            continue
+        name = node.args[1]
+        known = isinstance(name, ast.Constant)
+        asks = node.func.id == "hasattr" or len(node.args) == 3 or known
+        if asks and not (known and name.value in ARRAY_LIKE) and not (known and isinstance(node.args[0], ast.Call)):
+            yield f"{node.lineno}: {ast.unparse(node)}"
+
+
+def test_base_classes_say_what_there_is():
+    assert list(duck_typing("hasattr(edge, 'info'); getattr(edge, 'info', None); getattr(edge, name); hasattr(x, 'dtype')")) == [
+        "1: hasattr(edge, 'info')",
+        "1: getattr(edge, 'info', None)",
+    ]
+    files = [path for path in FILES if not name_of(path).replace("\\", "/").startswith(tuple(FOREIGN))]
+    assert [f"{name_of(path)}:{found}" for path in files for found in duck_typing(path.read_text())] == []
+
+
 def imports_of(path):
     nodes = list(ast.walk(ast.parse(path.read_text())))
     plain = {a.name.split(".")[0] for n in nodes if isinstance(n, ast.Import) for a in n.names}

@@ -3,14 +3,15 @@
 from collections.abc import Callable, Sequence
 from typing import ClassVar
 
-from jaxframes.edges.base import Edge, Inputs, family
+from jaxframes.edges.base import Edge, Inputs
+from jaxframes.edges.family import family
 from jaxframes.edges.fixed import checked_pose
 from jaxframes.errors import EdgeError
 from jaxframes.numerics.steps import Step
 from jaxframes.spatial import Transform
 
 
-@family(static=("candidates",))
+@family(static=("candidates",), name="attachable")
 class Attachable(Edge):
     """A frame that can change its parent inside a compiled program: a gripped part, a docked craft, a carried box.
 

@@ -6,17 +6,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.edges.base import KEPT, Inputs, family
-from jaxframes.edges.joint import AxisJoint, coordinate, one_number
+from jaxframes.edges.base import Inputs
+from jaxframes.edges.joint import AxisJoint, coordinate, joint_family, one_number
 from jaxframes.numerics.components import mul
-from jaxframes.numerics.steps import Slide, Step, Turn
+from jaxframes.numerics.steps import RotationStep, Step, TranslationStep
 from jaxframes.spatial import Transform
-from jaxframes.staging.columns import parameters
 
 TURN = 2.0 * np.pi
 
 
-@family(static=KEPT)
+@joint_family("revolute")
 class Revolute(AxisJoint):
     """A rotation about an axis by q radians, after a fixed placement: ``parent_T_child = placement @ Rot(axis, q)``.
 
@@ -29,20 +28,11 @@ class Revolute(AxisJoint):
         active: Whether the joint is driven (static). Kept, no query reads it.
     """
 
-    axis: jax.Array
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = AxisJoint.__init__
-
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        return (Turn(angle=coordinate(inputs, 0), **self._parts(inputs)),)
+        return (RotationStep(angle=coordinate(inputs, 0), **self._parts(inputs)),)
 
 
-@family(static=KEPT)
+@joint_family("continuous")
 class Continuous(AxisJoint):
     """A rotation about an axis without end: as ``Revolute``, but q and q + 2 pi are the same place.
 
@@ -57,13 +47,7 @@ class Continuous(AxisJoint):
         active: Whether the joint is driven (static).
     """
 
-    axis: jax.Array
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-    curved: ClassVar[bool] = True
+    is_manifold: ClassVar[bool] = True
 
     def __init__(
         self,
@@ -75,8 +59,11 @@ class Continuous(AxisJoint):
     ):
         super().__init__(axis, placement, None, velocity_limits, effort_limits, active)
 
+    def arguments(self) -> dict[str, Any]:
+        return {name: value for name, value in super().arguments().items() if name != "limits"}
+
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        return (Turn(angle=coordinate(inputs, 0), **self._parts(inputs)),)
+        return (RotationStep(angle=coordinate(inputs, 0), **self._parts(inputs)),)
 
     def difference(self, q0: jax.Array, q1: jax.Array) -> jax.Array:
         """Return q1 - q0 less whole turns."""
@@ -84,7 +71,7 @@ class Continuous(AxisJoint):
         return step - jax.lax.stop_gradient(TURN * jnp.round(step / TURN))
 
 
-@family(static=KEPT)
+@joint_family("prismatic")
 class Prismatic(AxisJoint):
     """A translation along an axis by q metres, after a fixed placement: ``parent_T_child = placement @ Trans(axis q)``.
 
@@ -97,23 +84,14 @@ class Prismatic(AxisJoint):
         active: Whether the joint is driven (static). Kept, no query reads it.
     """
 
-    axis: jax.Array
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = AxisJoint.__init__
-
     def angles(self) -> tuple[bool, ...]:
         return (False,)
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        return (Slide(length=coordinate(inputs, 0), **self._parts(inputs)),)
+        return (TranslationStep(length=coordinate(inputs, 0), **self._parts(inputs)),)
 
 
-@family(static=KEPT)
+@joint_family("screw")
 class Screw(AxisJoint):
     """A screw: a rotation by q radians about an axis that also shifts along it by ``pitch`` metres a turn.
 
@@ -130,13 +108,8 @@ class Screw(AxisJoint):
         active: Whether the joint is driven (static).
     """
 
-    axis: jax.Array
+    axis: jax.Array  # said again so that it stays the first leaf
     pitch: jax.Array
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
 
     def __init__(
         self,
@@ -153,11 +126,12 @@ class Screw(AxisJoint):
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         parts = self._parts(inputs)
-        per_radian = mul(parameters(self.pitch, inputs.batch_rank)[0], 1.0 / TURN)
-        return Slide(length=coordinate(inputs, 0, per_radian), **parts), Turn(axis=parts["axis"], angle=coordinate(inputs, 0))
+        per_radian = mul(inputs.components(self.pitch)[0], 1.0 / TURN)
+        along = TranslationStep(length=coordinate(inputs, 0, per_radian), **parts)
+        return along, RotationStep(axis=parts["axis"], angle=coordinate(inputs, 0))
 
 
-@family(static=KEPT)
+@joint_family("cylindrical")
 class Cylindrical(AxisJoint):
     """A rotation about an axis by q0 radians and a translation along it by q1 metres, independent of each other.
 
@@ -174,18 +148,10 @@ class Cylindrical(AxisJoint):
 
     nq: ClassVar[int] = 2
     nv: ClassVar[int] = 2
-    axis: jax.Array
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = AxisJoint.__init__
 
     def angles(self) -> tuple[bool, ...]:
         return (True, False)
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         parts = self._parts(inputs)
-        return Turn(angle=coordinate(inputs, 0), **parts), Slide(axis=parts["axis"], length=coordinate(inputs, 1))
+        return RotationStep(angle=coordinate(inputs, 0), **parts), TranslationStep(axis=parts["axis"], length=coordinate(inputs, 1))

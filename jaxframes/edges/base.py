@@ -1,22 +1,20 @@
 """What an edge family must say: how many coordinates it takes, the steps it is made of, and how it prints."""
 
 import dataclasses
-import operator
-from collections.abc import Callable, Hashable, Sequence
-from typing import Any, ClassVar, NamedTuple, Self, TypeVar
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple, Self
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxframes.errors import EdgeError, suggest
-from jaxframes.numerics.components import Component
+from jaxframes.numerics.components import V3, Component, Quat
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
-from jaxframes.spatial import Rotation
-from jaxframes.staging.arrays import unit
-
-KEPT = ("active", "limits", "velocity_limits", "effort_limits")
-"""Static fields of joints that no query reads."""
+from jaxframes.spatial import Rotation, Transform
+from jaxframes.staging.arrays import as_float, unit
+from jaxframes.staging.columns import parameters
 
 
 class Inputs(NamedTuple):
@@ -38,31 +36,59 @@ class Inputs(NamedTuple):
     prescribed: Rigid | None = None
     batch_rank: int = 0
 
+    def components(self, parameter: jax.Array) -> tuple[Component, ...]:
+        """Return the k components of a parameter [..., k], aligned to the batch; plain numbers where they are known while tracing."""
+        return parameters(parameter, self.batch_rank)
 
+    def pose(self, transform: Transform) -> tuple[Quat, V3]:
+        """Return rotation and translation of a pose among the parameters, likewise."""
+        return Quat(*self.components(transform.rotation.wxyz)), V3(*self.components(transform.translation))
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False, init=False)
 class Edge:
     """Base of all edge families.
 
-    A family is a frozen dataclass decorated with ``family``. Array fields are parameters: leaves of the tree that can be
-    batched, differentiated and replaced. Other fields are static and must be hashable.
+    A family is a class decorated with ``family``. Array fields [..., k] are parameters: leaves of the tree that can be batched,
+    differentiated and replaced. Other fields are static and must be hashable. A family must say its ``steps``; everything else has a
+    default. ``docs/extending.md`` shows one.
 
     Attributes:
         nq: How many stored coordinates an edge takes from ``q``.
         nv: How many rates it takes from ``qd`` and ``qdd`` (its mobility).
-        stacks: Whether the parameters of all edges of this family may be stored as one array with a leading axis.
+        stackable: Whether the parameters of all edges of this family may be stored as one array with a leading axis.
         needs_time: Whether the edge reads the epoch of the state.
         is_prescribed: Whether the state holds a motion for the edge.
         is_attachable: Whether the state says what the child hangs on.
-        curved: Whether ``integrate``, ``difference``, ``random`` or ``project`` is more than plain arithmetic on coordinates.
+        is_manifold: Whether ``integrate``, ``difference``, ``random`` or ``project`` is more than plain arithmetic on coordinates.
     """
 
     nq: ClassVar[int] = 0
     nv: ClassVar[int] = 0
-    curved: ClassVar[bool] = False
-    stacks: ClassVar[bool] = True
+    is_manifold: ClassVar[bool] = False
+    stackable: ClassVar[bool] = True
     needs_time: ClassVar[bool] = False
     is_prescribed: ClassVar[bool] = False
     is_attachable: ClassVar[bool] = False
-    _parameter_fields: ClassVar[tuple[str, ...]] = ()
+    family_fields: ClassVar[tuple[str, ...]] = ()
+    """Names of the fields that are parameters, as ``family`` found them; ``parameter_fields`` returns them."""
+
+    def __post_init__(self) -> None:
+        """Make arrays [k] of parameters that were given as plain numbers; families whose constructor takes their fields run this.
+
+        Raises:
+            EdgeError: A parameter is no number, array or value made of arrays.
+        """
+        for name in self.parameter_fields():
+            value = getattr(self, name)
+            row = list(value) if isinstance(value, (list, tuple)) else [value]
+            if row and all(isinstance(v, (int, float)) for v in row):
+                object.__setattr__(self, name, as_float([float(v) for v in row]))
+            elif not all(isinstance(leaf, (jax.Array, np.ndarray, np.generic)) for leaf in jax.tree.leaves(value)):
+                raise EdgeError(
+                    f"{type(self).__name__}({name}=...) is a parameter, so it takes numbers or arrays, found {value!r}; "
+                    f"what is none is static: family(static=({name!r},))"
+                )
 
     @property
     def supports_accelerations(self) -> bool:
@@ -76,7 +102,7 @@ class Edge:
 
     @property
     def state_size(self) -> int:
-        """How many numbers of a state say where the child is: coordinates, or the seven of a stored pose."""
+        """How many numbers of a state say where the child is: coordinates, or the seven of a pose."""
         return 7 if self.is_prescribed or self.is_attachable else self.nq
 
     @property
@@ -126,6 +152,10 @@ class Edge:
         """Return the edge with the names of frames and joints that it holds changed by a function; most hold none."""
         return self
 
+    def preceded_by(self, change: Transform) -> "Edge | None":
+        """Return the edge whose child lies at ``change @`` where this one puts it; None for a family that cannot say so."""
+        return None
+
     def limits_of(self) -> tuple[Any, Any] | None:
         """Return the lower and upper bounds of the coordinates, NumPy arrays [nq] each, or None where there are none."""
         return None
@@ -133,7 +163,11 @@ class Edge:
     @classmethod
     def parameter_fields(cls) -> tuple[str, ...]:
         """Return the names of the fields that are parameters; the others are static."""
-        return cls._parameter_fields
+        return cls.family_fields
+
+    def arguments(self) -> dict[str, Any]:
+        """Return what the constructor takes, by name, to make this edge again: what a file keeps. Default: all fields."""
+        return {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
 
     def checked_fact(self, name: str, value: Any) -> Any:
         """Return a value for a static field as the constructor would keep it (EdgeError if it cannot)."""
@@ -193,11 +227,11 @@ class Edge:
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with the fields given replaced, taken as they are (values may be traced)."""
-        fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}  # pyright: ignore[reportArgumentType]
+        fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         unknown = sorted(set(changes) - set(fields))
         if unknown:
             raise EdgeError(f"{type(self).__name__} has no field {unknown[0]!r}.{suggest(unknown[0], fields)}")
-        return _assembled(type(self), {**fields, **changes})
+        return assembled(type(self), {**fields, **changes})
 
     def __repr__(self) -> str:
         return f"<{self.describe()}>"
@@ -207,49 +241,8 @@ class Edge:
         return (0.0,) * self.nq
 
 
-Family = TypeVar("Family", bound=type)
-
-
-def family(static: tuple[str, ...] = ()) -> Callable[[Family], Family]:
-    """Return a decorator that makes a class a frozen dataclass and a pytree whose array fields are leaves.
-
-    Trees are put together again without the class's constructor, so a constructor may validate and normalise what a user
-    gives, while transformations may put anything into the leaves.
-
-    Args:
-        static: Names of the fields that are not parameters; they must be hashable and equal by value.
-    """
-
-    def decorate(cls: Family) -> Family:
-        made = dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
-        data = tuple(f.name for f in dataclasses.fields(made) if f.name not in static)
-        made._parameter_fields = data
-        keys = tuple(map(jax.tree_util.GetAttrKey, data))
-        parts, facts = _getter(data), _getter(static)
-
-        def flatten(edge: Any) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-            return parts(edge), facts(edge)
-
-        def flatten_with_keys(edge: Any) -> tuple[list[tuple[Any, Any]], tuple[Any, ...]]:
-            return list(zip(keys, parts(edge), strict=True)), facts(edge)
-
-        def unflatten(meta: tuple[Any, ...], leaves: Any) -> Any:
-            return _assembled(made, {**dict(zip(data, leaves, strict=True)), **dict(zip(static, meta, strict=True))})
-
-        jax.tree_util.register_pytree_with_keys(made, flatten_with_keys, unflatten, flatten)
-        return made
-
-    return decorate
-
-
-def _getter(names: tuple[str, ...]) -> Callable[[Any], tuple[Any, ...]]:
-    """Return the function that reads fields as a tuple."""
-    if len(names) > 1:
-        return operator.attrgetter(*names)
-    return (lambda value: (getattr(value, names[0]),)) if names else (lambda value: ())
-
-
-def _assembled(cls: type, fields: dict[str, Any]) -> Any:
+def assembled(cls: type, fields: Mapping[str, Any]) -> Any:
+    """Return an edge of a family with the fields given, without its constructor."""
     edge = object.__new__(cls)
     for name, value in fields.items():
         object.__setattr__(edge, name, value)

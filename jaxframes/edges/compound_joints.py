@@ -2,25 +2,26 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import jax
 import jax.numpy as jnp
 
-from jaxframes.edges.base import KEPT, Inputs, family
-from jaxframes.edges.joint import AxisJoint, Joint, coordinate, unit_axis
+from jaxframes.edges.base import Inputs
+from jaxframes.edges.joint import AxisJoint, Joint, coordinate, joint_family, unit_axis
 from jaxframes.errors import EdgeError
 from jaxframes.numerics.components import V3
-from jaxframes.numerics.steps import Slide, Step, Turn
+from jaxframes.numerics.steps import RotationStep, Step, TranslationStep
 from jaxframes.spatial import Transform
 from jaxframes.staging.arrays import unit
-from jaxframes.staging.columns import parameters
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
+@dataclass(frozen=True, eq=False, repr=False, init=False)
 class Compound(Joint):
-    """Turns and slides along fixed axes, each in the axes that the ones before it have turned.
+    """Rotations about and translations along fixed axes, each in the axes that the ones before it have turned.
 
     Attributes:
         turning: For each coordinate, whether it turns (else slides).
@@ -45,7 +46,7 @@ class Compound(Joint):
         if len(given) != self.nq:
             raise EdgeError(f"{type(self).__name__}(axes=...) takes {self.nq} axes, found {len(given)}: {axes!r}")
         object.__setattr__(self, "axes", tuple(unit_axis(axis) for axis in given))
-        self._share(placement, limits, velocity_limits, effort_limits, active)
+        super().__init__(placement, limits, velocity_limits, effort_limits, active)
 
     def normalized(self) -> Self:
         return super().normalized().replace(axes=tuple(map(unit, self.axes)))
@@ -60,13 +61,13 @@ class Compound(Joint):
         found: list[Step] = []
         placed = self._placed(inputs)
         for i, (turns, axis) in enumerate(zip(self.turning, self.axes, strict=True)):
-            direction, value = V3(*parameters(axis, inputs.batch_rank)), coordinate(inputs, i)
-            found.append(Turn(direction, value, **placed) if turns else Slide(direction, value, **placed))
+            direction, value = V3(*inputs.components(axis)), coordinate(inputs, i)
+            found.append(RotationStep(direction, value, **placed) if turns else TranslationStep(direction, value, **placed))
             placed = {}
         return tuple(found)
 
 
-@family(static=KEPT)
+@joint_family("universal")
 class Universal(Compound):
     """Two turns: ``parent_T_child = placement @ Rx(q0) @ Ry(q1)``, as RobWork's UniversalJoint, or about two other axes.
 
@@ -83,17 +84,9 @@ class Universal(Compound):
     nv: ClassVar[int] = 2
     turning = (True, True)
     standard = (X, Y)
-    axes: tuple[jax.Array, ...]
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = Compound.__init__
 
 
-@family(static=KEPT)
+@joint_family("spherical")
 class Spherical(Compound):
     """Three turns: ``parent_T_child = placement @ Rx(q0) @ Ry(q1) @ Rz(q2)``, as RobWork's SphericalJoint.
 
@@ -113,17 +106,9 @@ class Spherical(Compound):
     nv: ClassVar[int] = 3
     turning = (True, True, True)
     standard = (X, Y, Z)
-    axes: tuple[jax.Array, ...]
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = Compound.__init__
 
 
-@family(static=KEPT)
+@joint_family("prismatic_spherical")
 class PrismaticSpherical(Compound):
     """Three turns and a slide: ``placement @ Rx(q0) @ Ry(q1) @ Rz(q2) @ Tz(q3)``, as RobWork's PrismaticSphericalJoint.
 
@@ -140,17 +125,9 @@ class PrismaticSpherical(Compound):
     nv: ClassVar[int] = 4
     turning = (True, True, True, False)
     standard = (X, Y, Z, Z)
-    axes: tuple[jax.Array, ...]
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = Compound.__init__
 
 
-@family(static=KEPT)
+@joint_family("prismatic_universal")
 class PrismaticUniversal(Compound):
     """Two turns and a slide: ``placement @ Rx(q0) @ Ry(q1) @ Tz(q2)``, as RobWork's PrismaticUniversalJoint.
 
@@ -167,17 +144,9 @@ class PrismaticUniversal(Compound):
     nv: ClassVar[int] = 3
     turning = (True, True, False)
     standard = (X, Y, Z)
-    axes: tuple[jax.Array, ...]
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = Compound.__init__
 
 
-@family(static=KEPT)
+@joint_family("planar")
 class Planar(AxisJoint):
     """Motion in the plane across an axis n: ``placement @ Trans(q0 u + q1 v) @ Rot(n, q2)``, (m, m, rad).
 
@@ -197,23 +166,15 @@ class Planar(AxisJoint):
 
     nq: ClassVar[int] = 3
     nv: ClassVar[int] = 3
-    axis: jax.Array
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = AxisJoint.__init__
 
     def angles(self) -> tuple[bool, ...]:
         return (False, False, True)
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        n = V3(*parameters(self.axis, inputs.batch_rank))
+        n = V3(*inputs.components(self.axis))
         u, v = plane_axes(n)
-        first = Slide(u, coordinate(inputs, 0), **self._placed(inputs))
-        return first, Slide(v, coordinate(inputs, 1)), Turn(n, coordinate(inputs, 2))
+        first = TranslationStep(u, coordinate(inputs, 0), **self._placed(inputs))
+        return first, TranslationStep(v, coordinate(inputs, 1)), RotationStep(n, coordinate(inputs, 2))
 
 
 def plane_axes(n: V3) -> tuple[V3, V3]:

@@ -1,14 +1,13 @@
-"""Edges without coordinates: fixed mounts, and motions prescribed by the state."""
+"""Fixed mounts, and the poses that edges of other families hold."""
 
-from typing import Any, ClassVar
+from typing import Any, Self
 
-from jaxframes.edges.base import Edge, Inputs, family
+from jaxframes.edges.base import Edge, Inputs
+from jaxframes.edges.family import family
 from jaxframes.errors import EdgeError
-from jaxframes.numerics.components import V3, Quat
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
 from jaxframes.spatial import Transform
-from jaxframes.staging.columns import parameters
 
 
 def checked_pose(pose: Any, family_name: str) -> Transform:
@@ -20,12 +19,7 @@ def checked_pose(pose: Any, family_name: str) -> Transform:
     return pose
 
 
-def placement_components(transform: Transform, batch_rank: int) -> tuple[Quat, V3]:
-    """Return the rotation and translation of a parameter as components."""
-    return Quat(*parameters(transform.rotation.wxyz, batch_rank)), V3(*parameters(transform.translation, batch_rank))
-
-
-@family()
+@family(name="fixed")
 class Fixed(Edge):
     """A rigid mount: the child stays where the transform puts it.
 
@@ -42,37 +36,9 @@ class Fixed(Edge):
     def __init__(self, transform: Transform | None = None):
         object.__setattr__(self, "transform", checked_pose(transform, "Fixed"))
 
+    def preceded_by(self, change: Transform) -> Self:
+        return self.replace(transform=change @ self.transform)
+
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        rotation, translation = placement_components(self.transform, inputs.batch_rank)
+        rotation, translation = inputs.pose(self.transform)
         return (Rigid(rotation, translation),)
-
-
-@family(static=("accelerations",))
-class Prescribed(Edge):
-    """A motion that the caller supplies in the state: pose, velocity and acceleration, three independent inputs.
-
-    It starts at the identity and at rest; ``tree.set_motion`` gives it values. Nothing checks that they are consistent.
-
-    Attributes:
-        accelerations: Whether accelerations of chains through this edge may be asked for.
-    """
-
-    stacks: ClassVar[bool] = True
-    is_prescribed: ClassVar[bool] = True
-    accelerations: bool
-
-    def __init__(self, supports_accelerations: bool = True):
-        if not isinstance(supports_accelerations, bool):
-            raise EdgeError(f"Prescribed(supports_accelerations=...) takes True or False, not {supports_accelerations!r}")
-        object.__setattr__(self, "accelerations", supports_accelerations)
-
-    @property
-    def supports_accelerations(self) -> bool:
-        return self.accelerations
-
-    def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        assert inputs.prescribed is not None
-        return (inputs.prescribed,)
-
-    def describe(self) -> str:
-        return "prescribed" if self.accelerations else "prescribed, no accelerations"

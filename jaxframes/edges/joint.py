@@ -1,18 +1,28 @@
-"""What all joints share: a placement before the motion, limits, and how a user's axes and limits are checked."""
+"""What all joints share: a placement before the motion, limits, how a user's axes and limits are checked; and virtual joints."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import jax
 import numpy as np
 
-from jaxframes.edges.base import KEPT, Edge, Inputs
-from jaxframes.edges.fixed import placement_components
+from jaxframes.edges.base import Edge, Inputs
+from jaxframes.edges.family import Family, family
 from jaxframes.errors import EdgeError
 from jaxframes.numerics.components import V3, Component, mul
-from jaxframes.numerics.steps import Coordinate
+from jaxframes.numerics.rigid import Rigid
+from jaxframes.numerics.steps import Coordinate, Step
 from jaxframes.spatial import Transform
 from jaxframes.staging.arrays import as_float, is_concrete, unit
-from jaxframes.staging.columns import parameters
+
+KEPT = ("active", "limits", "velocity_limits", "effort_limits")
+"""Static fields of joints that no query reads."""
+
+
+def joint_family(name: str, static: tuple[str, ...] = ()) -> Callable[[Family], Family]:
+    """Return the decorator of a joint family: its name in files, and its static fields beside those that all joints have."""
+    return family(static=(*KEPT, *static), name=name)
 
 
 def unit_axis(axis: Any) -> jax.Array:
@@ -59,15 +69,15 @@ def as_bounds(limits: Any, count: int = 1) -> tuple[float, ...]:
     return tuple(bounds.tolist())
 
 
-def as_caps(caps: Any, count: int, what: str) -> tuple[float, ...]:
+def as_magnitude_limits(limits: Any, count: int, what: str) -> tuple[float, ...]:
     """Return the largest magnitudes allowed, one for each rate; None means unlimited (EdgeError for negative or wrong ones)."""
-    _known(caps, f"{what} limits")
+    _known(limits, f"{what} limits")
     try:
-        numbers = np.broadcast_to(np.asarray(np.inf if caps is None else caps, np.float64), (count,))
+        numbers = np.broadcast_to(np.asarray(np.inf if limits is None else limits, np.float64), (count,))
     except (TypeError, ValueError):
-        raise EdgeError(f"{what} limits are one number, or one for each of {count} rates; found {caps!r}") from None
+        raise EdgeError(f"{what} limits are one number, or one for each of {count} rates; found {limits!r}") from None
     if not np.all(numbers >= 0):
-        raise EdgeError(f"{what} limits are magnitudes and cannot be negative, found {caps!r}")
+        raise EdgeError(f"{what} limits are magnitudes and cannot be negative, found {limits!r}")
     return tuple(numbers.tolist())
 
 
@@ -91,6 +101,7 @@ def one_number(value: Any, what: str) -> jax.Array:
     return as_float(numbers)
 
 
+@dataclass(frozen=True, eq=False, repr=False, init=False)
 class Joint(Edge):
     """What all joints share: a placement before the motion, limits, and whether the joint is driven.
 
@@ -110,7 +121,7 @@ class Joint(Edge):
     effort_limits: tuple[float, ...]
     active: bool
 
-    def _share(self, placement: Transform | None, limits: Any, velocity_limits: Any, effort_limits: Any, active: bool) -> None:
+    def __init__(self, placement: Transform | None, limits: Any, velocity_limits: Any, effort_limits: Any, active: bool):
         if placement is not None and not isinstance(placement, Transform):
             raise EdgeError(f"placement must be a jf.Transform, found {type(placement).__name__}: {placement!r}")
         if not isinstance(active, bool):
@@ -118,26 +129,34 @@ class Joint(Edge):
         put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
         put("placement", Transform.identity() if placement is None else placement)
         put("limits", as_bounds(limits, self.nq))
-        put("velocity_limits", as_caps(velocity_limits, self.nv, "velocity"))
-        put("effort_limits", as_caps(effort_limits, self.nv, "effort"))
+        put("velocity_limits", as_magnitude_limits(velocity_limits, self.nv, "velocity"))
+        put("effort_limits", as_magnitude_limits(effort_limits, self.nv, "effort"))
         put("active", active)
 
     def limits_of(self) -> tuple[Any, Any] | None:
         """Return the lower and upper bounds [nq]."""
         return np.asarray(self.limits[: self.nq]), np.asarray(self.limits[self.nq :])
 
+    def arguments(self) -> dict[str, Any]:
+        """Return what the constructor takes; limits as (lower, upper), each a number or one for each coordinate."""
+        lower, upper = self.limits[: self.nq], self.limits[self.nq :]
+        return {**super().arguments(), "limits": self.limits if self.nq == 1 else (lower, upper)}
+
     def checked_fact(self, name: str, value: Any) -> Any:
         if name == "limits":
             return as_bounds(value, self.nq)
         if name in ("velocity_limits", "effort_limits"):
-            return as_caps(value, self.nv, name.removesuffix("_limits"))
+            return as_magnitude_limits(value, self.nv, name.removesuffix("_limits"))
         return super().checked_fact(name, value)
+
+    def preceded_by(self, change: Transform) -> Self:
+        return self.replace(placement=change @ self.placement)
 
     def bare(self) -> Edge:
         return self.replace(**dict.fromkeys(KEPT))
 
     def _placed(self, inputs: Inputs) -> dict[str, Any]:
-        rotation, translation = placement_components(self.placement, inputs.batch_rank)
+        rotation, translation = inputs.pose(self.placement)
         return {"rotation": rotation, "translation": translation}
 
 
@@ -146,8 +165,13 @@ def coordinate(inputs: Inputs, i: int, scale: Component = 1.0) -> Coordinate:
     return Coordinate(mul(inputs.q[i], scale), mul(inputs.qd[i], scale), mul(inputs.qdd[i], scale))
 
 
+@dataclass(frozen=True, eq=False, repr=False, init=False)
 class AxisJoint(Joint):
-    """What joints with one axis share."""
+    """What joints with one axis share.
+
+    Attributes:
+        axis: Unit axis [3] in the axes of the placement.
+    """
 
     nq: ClassVar[int] = 1
     nv: ClassVar[int] = 1
@@ -163,7 +187,7 @@ class AxisJoint(Joint):
         active: bool = True,
     ):
         object.__setattr__(self, "axis", unit_axis(axis))
-        self._share(placement, limits, velocity_limits, effort_limits, active)
+        super().__init__(placement, limits, velocity_limits, effort_limits, active)
 
     def normalized(self) -> Self:
         return super().normalized().replace(axis=unit(self.axis))
@@ -180,4 +204,58 @@ class AxisJoint(Joint):
         return f"{name} {word}" + " ({:.3g}, {:.3g}, {:.3g})".format(*np.asarray(self.axis, float))
 
     def _parts(self, inputs: Inputs) -> dict[str, Any]:
-        return {"axis": V3(*parameters(self.axis, inputs.batch_rank)), **self._placed(inputs)}
+        return {"axis": V3(*inputs.components(self.axis)), **self._placed(inputs)}
+
+
+@joint_family("virtual", static=("count",))
+class Virtual(Joint):
+    """A joint that keeps coordinates and moves nothing: ``parent_T_child = placement``, as RobWork's VirtualJoint.
+
+    Its numbers stand in ``q``, ``qd`` and ``qdd`` for whoever reads them (a gripper's opening, a value that ``Mimic`` joints
+    follow); its columns of every Jacobian are zero. State size ``count``, mobility 0.
+
+    Attributes:
+        count: How many coordinates it keeps (static).
+        placement: Pose of the child in the parent.
+        limits: Lower, then upper bounds [2 count].
+        velocity_limits: Largest rates [count].
+        effort_limits: Largest efforts [count].
+        active: Whether the joint is driven (static).
+    """
+
+    count: int
+
+    def __init__(
+        self,
+        count: int = 1,
+        placement: Transform | None = None,
+        limits: Any = None,
+        velocity_limits: Any = None,
+        effort_limits: Any = None,
+        active: bool = True,
+    ):
+        if not isinstance(count, int) or count < 1:
+            raise EdgeError(f"Virtual(count=...) takes the number of coordinates to keep, 1 or more; found {count!r}")
+        object.__setattr__(self, "count", count)
+        super().__init__(placement, limits, velocity_limits, effort_limits, active)
+
+    @property
+    def nq(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.count
+
+    @property
+    def nv(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.count
+
+    @property
+    def dof(self) -> int:
+        return 0
+
+    def angles(self) -> tuple[bool, ...]:
+        return (False,) * self.count
+
+    def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
+        return (Rigid(*inputs.pose(self.placement)),)
+
+    def describe(self) -> str:
+        return f"virtual, {self.count} numbers"

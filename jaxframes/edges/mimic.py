@@ -5,8 +5,9 @@ from typing import Any, ClassVar
 
 import jax
 
-from jaxframes.edges.base import Edge, Inputs, family
-from jaxframes.edges.joint import one_number
+from jaxframes.edges.base import Edge, Inputs
+from jaxframes.edges.family import family
+from jaxframes.edges.joint import Joint, one_number
 from jaxframes.errors import EdgeError, TopologyError, UnknownJointError, suggest
 from jaxframes.numerics.components import Component, add, mul
 from jaxframes.numerics.steps import Step
@@ -16,7 +17,7 @@ from jaxframes.staging.columns import parameters
 Row = tuple[Component, ...]
 
 
-@family(static=("joint", "coordinate"))
+@family(static=("joint", "coordinate"), name="mimic")
 class Mimic(Edge):
     """A joint whose coordinates follow those of another one: ``q = multiplier * q_of_joint + offset``.
 
@@ -54,9 +55,11 @@ class Mimic(Edge):
             raise EdgeError(f"Mimic(joint=...) takes the name of the joint to follow, found {joint!r}")
         if not isinstance(edge, Edge) or edge.follows is not None:
             raise EdgeError(f"Mimic(edge=...) takes the joint as it would be on its own, such as jf.edges.Revolute(), found {edge!r}")
-        if not edge.nq or edge.nq != edge.nv or (edge.curved and edge.nq > 1):
+        if not edge.nq or edge.nq != edge.nv or (edge.is_manifold and edge.nq > 1):
             why = "it has no coordinates" if not edge.nq else "a quaternion cannot be scaled"
             raise EdgeError(f"a joint that is {edge.describe()} cannot follow {joint!r}: {why}")
+        if edge.needs_time:
+            raise EdgeError(f"a joint that is {edge.describe()} cannot follow {joint!r}: it reads the time")
         if not isinstance(coordinate, int) or coordinate < 0:
             raise EdgeError(f"Mimic(coordinate=...) takes 0 or more, found {coordinate!r}")
         for name, value in (
@@ -72,7 +75,9 @@ class Mimic(Edge):
     @property
     def placement(self) -> Transform:
         """Pose of the joint in the parent where its own coordinates would be zero."""
-        return self.edge.placement  # pyright: ignore[reportAttributeAccessIssue]
+        if not isinstance(self.edge, Joint):
+            raise EdgeError(f"{self.edge.describe()} has no placement of its own to read")
+        return self.edge.placement
 
     @property
     def supports_accelerations(self) -> bool:
@@ -96,6 +101,10 @@ class Mimic(Edge):
         if "placement" in changes:
             changes["edge"] = changes.get("edge", self.edge).replace(placement=changes.pop("placement"))
         return super().replace(**changes)
+
+    def preceded_by(self, change: Transform) -> "Mimic | None":
+        moved = self.edge.preceded_by(change)
+        return None if moved is None else self.replace(edge=moved)
 
     def normalized(self) -> "Mimic":
         return self.replace(edge=self.edge.normalized())
@@ -130,30 +139,38 @@ def sources(edges: Mapping[str, Edge], joints: Mapping[str, str], index: Mapping
     """
     frames = {joint: frame for frame, joint in joints.items()}
     found = dict.fromkeys(index, -1)
-    followers = {name: edge for name, edge in edges.items() if isinstance(edge, Mimic)}
-    for name, edge in followers.items():
-        joint = joints[name]
+    followers = {joints[name]: edge for name, edge in edges.items() if isinstance(edge, Mimic)}
+    followed = {joint: edge.joint for joint, edge in followers.items()}
+    for joint, edge in followers.items():
         if edge.joint not in frames:
             raise UnknownJointError(f"joint {joint!r} follows {edge.joint!r}, which does not exist.{suggest(edge.joint, frames)}")
-        line, at = [joint], frames[edge.joint]
-        while isinstance(follower := edges[at], Mimic) and joints[at] not in line:
-            line.append(joints[at])
-            if follower.joint not in frames:
-                break
-            at = frames[follower.joint]
-        if joints[at] in line:
-            ring = " -> ".join([*line, joints[at]])
-            raise TopologyError(f"joint {joint!r} follows itself: {ring}; one of them needs coordinates of its own")
+        if ring := ring_from(joint, followed):
+            raise TopologyError(f"joint {joint!r} follows itself: {' -> '.join(ring)}; one of them needs coordinates of its own")
         _check(joint, edge, edges[frames[edge.joint]])
-        found[name] = index[frames[edge.joint]]
+        found[frames[joint]] = index[frames[edge.joint]]
     return tuple(found[name] for name in index)
+
+
+def ring_from(joint: str, followed: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the joints that are met from one that follows others up to the first that is met twice; empty where none is.
+
+    Args:
+        joint: Name of the joint to start from.
+        followed: The joint that each joint follows, by name, for those that follow one.
+    """
+    line = [joint]
+    while (target := followed.get(line[-1])) is not None:
+        if target in line:
+            return (*line, target)
+        line.append(target)
+    return ()
 
 
 def _check(joint: str, edge: Mimic, source: Edge) -> None:
     """Refuse a source that cannot be followed."""
     plain = source.edge if isinstance(source, Mimic) else source
     needed = edge.coordinate + edge.edge.nq
-    if plain.nq != plain.nv or (plain.curved and plain.nq > 1):
+    if plain.nq != plain.nv or (plain.is_manifold and plain.nq > 1):
         raise EdgeError(f"joint {joint!r} cannot follow {edge.joint!r}, which is {plain.describe()}: a quaternion cannot be scaled")
     if plain.nq < needed:
         raise EdgeError(

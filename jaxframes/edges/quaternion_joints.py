@@ -5,9 +5,8 @@ from typing import Any, ClassVar
 import jax
 import jax.numpy as jnp
 
-from jaxframes.edges.base import KEPT, Inputs, family
-from jaxframes.edges.fixed import placement_components
-from jaxframes.edges.joint import Joint
+from jaxframes.edges.base import Inputs
+from jaxframes.edges.joint import Joint, joint_family
 from jaxframes.numerics.components import V3, ZERO, Component, Quat, cross, quat_from, quat_mul, quat_norm2, rotate
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
@@ -27,10 +26,13 @@ def _rotation(q: jax.Array) -> Rotation:
 class QuaternionJoint(Joint):
     """What the two share: no limits, and a unit quaternion in the first four coordinates."""
 
-    curved: ClassVar[bool] = True
+    is_manifold: ClassVar[bool] = True
 
     def __init__(self, placement: Transform | None = None, velocity_limits: Any = None, effort_limits: Any = None, active: bool = True):
-        self._share(placement, None, velocity_limits, effort_limits, active)
+        super().__init__(placement, None, velocity_limits, effort_limits, active)
+
+    def arguments(self) -> dict[str, Any]:
+        return {name: value for name, value in super().arguments().items() if name != "limits"}
 
     def neutral(self) -> tuple[float, ...]:
         return (1.0,) + (0.0,) * (self.nq - 1)
@@ -46,7 +48,7 @@ class QuaternionJoint(Joint):
         return self.project(jnp.concatenate([turned, q[..., 4:]], -1))
 
 
-@family(static=KEPT)
+@joint_family("ball")
 class Ball(QuaternionJoint):
     """A free rotation about a point: ``parent_T_child = placement @ Rot(q)`` with a quaternion of four stored numbers.
 
@@ -64,16 +66,9 @@ class Ball(QuaternionJoint):
 
     nq: ClassVar[int] = 4
     nv: ClassVar[int] = 3
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = QuaternionJoint.__init__
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        rotation, translation = placement_components(self.placement, inputs.batch_rank)
+        rotation, translation = inputs.pose(self.placement)
         turned = quat_mul(rotation, unit(inputs.q))
         w = rotate(turned, V3(*inputs.qd)) if order > 0 else ZERO
         alpha = rotate(turned, V3(*inputs.qdd)) if order > 1 else ZERO
@@ -92,7 +87,7 @@ class Ball(QuaternionJoint):
         return (_rotation(q0).inverse() @ _rotation(q1)).to_rotation_vector()
 
 
-@family(static=KEPT)
+@joint_family("free")
 class Free(QuaternionJoint):
     """All six directions: ``parent_T_child = placement @ Trans(p) @ Rot(q)``, with seven stored numbers.
 
@@ -111,16 +106,9 @@ class Free(QuaternionJoint):
 
     nq: ClassVar[int] = 7
     nv: ClassVar[int] = 6
-    placement: Transform
-    limits: tuple[float, ...]
-    velocity_limits: tuple[float, ...]
-    effort_limits: tuple[float, ...]
-    active: bool
-
-    __init__ = QuaternionJoint.__init__
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        rotation, translation = placement_components(self.placement, inputs.batch_rank)
+        rotation, translation = inputs.pose(self.placement)
         turned = quat_mul(rotation, unit(inputs.q[:4]))
         translation = translation + rotate(rotation, V3(*inputs.q[4:]))
         zero = Rigid(turned, translation)

@@ -29,11 +29,11 @@ def load_mjcf(source: Any) -> FrameTree:
     Every body is a frame, and so is every site and camera (a camera looks along its -z). Joints keep their names: a hinge becomes
     ``Revolute``, a slide ``Prismatic``, a ball ``Ball``, a free joint ``Free``; a mocap body is ``Movable``. Where a body has
     several joints, or one whose anchor is not the body's origin, frames called ``body/joint`` stand between parent and body.
-    Things without a name are called after their kind and number (``body_3``); a site or camera whose name is taken
-    gets ``site:`` or ``camera:`` before it. ``q`` is in MuJoCo's order of joints, with MuJoCo's values (a joint's ``ref`` included)
-    but for free joints: (quaternion, position) here, (position, quaternion) there. Rates of free joints are (angular, linear) in
-    the body's axes here; MuJoCo's are linear in the world's axes, then angular in the body's. Equality constraints, tendons
-    and actuators are not looked at.
+    Things without a name are called after their kind and number (``body_3``, with ``_`` after it while the model has that name); a site
+    or camera whose name is taken gets ``site:`` or ``camera:`` before it. ``q`` is in MuJoCo's order of joints, with MuJoCo's values (a
+    joint's ``ref`` included) but for free joints: (quaternion, position) here, (position, quaternion) there. Rates of free joints are
+    (angular, linear) in the body's axes here; MuJoCo's are linear in the world's axes, then angular in the body's. Equality constraints,
+    tendons and actuators are not looked at.
 
     Args:
         source: Path of an MJCF file (or of a URDF, which MuJoCo reads too), the text itself, or a compiled ``mujoco.MjModel``.
@@ -84,25 +84,43 @@ def _compiled(mujoco: Any, source: Any) -> Any:
 
 
 class _Names:
-    """Names of bodies and joints, made up where the model has none."""
+    """Names of frames and joints, made up where the model has none: other than all that it has."""
 
     def __init__(self, mujoco: Any, model: Any):
-        self._name = lambda kind, i: mujoco.mj_id2name(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), i)
+        counts = {"body": model.nbody, "joint": model.njnt, "site": model.nsite, "camera": model.ncam}
+        kinds = {kind: getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}") for kind in counts}
+        self._given = {kind: [mujoco.mj_id2name(model, kinds[kind], i) for i in range(count)] for kind, count in counts.items()}
+        self._frames = {name for kind in ("body", "site", "camera") for name in self._given[kind] if name}
+        joints = {name for name in self._given["joint"] if name}
+        self._bodies = [name or _unlike(f"body_{i}", self._frames) for i, name in enumerate(self._given["body"])]
+        self._joints = [name or _unlike(f"joint_{i}", joints) for i, name in enumerate(self._given["joint"])]
 
     def body(self, i: int) -> str:
         """Return the name of a body."""
-        return self._name("body", i) or f"body_{i}"
+        return self._bodies[i]
 
     def joint(self, i: int) -> str:
         """Return the name of a joint."""
-        return self._name("joint", i) or f"joint_{i}"
+        return self._joints[i]
+
+    def between(self, body: int, joint: int) -> str:
+        """Return a name for the frame between a body's parent and the body, below one of its joints."""
+        return _unlike(f"{self._bodies[body]}/{self._joints[joint]}", self._frames)
 
     def extra(self, kind: str, i: int, builder: TreeBuilder) -> str:
         """Return a name for a site or camera that no frame has yet."""
-        name = self._name(kind, i) or f"{kind}_{i}"
+        name = self._given[kind][i] or _unlike(f"{kind}_{i}", self._frames)
         while name in builder.names:
             name = f"{kind}:{name}"
         return name
+
+
+def _unlike(name: str, taken: set[str]) -> str:
+    """Return a name, with underscores after it while it is taken; it is taken then."""
+    while name in taken:
+        name += "_"
+    taken.add(name)
+    return name
 
 
 def _add_body(builder: TreeBuilder, model: Any, names: _Names, body: int) -> None:
@@ -119,7 +137,7 @@ def _add_body(builder: TreeBuilder, model: Any, names: _Names, body: int) -> Non
             anchor = np.zeros(3)
         edge = _joint(model, j, (at[0], at[1] + _turned(at[0], anchor)))
         last = j == first + count - 1 and not anchor.any()
-        frame = name if last else f"{name}/{joint}"
+        frame = name if last else names.between(body, j)
         builder.add(frame, parent=parent, edge=edge, joint=joint)
         parent, at = frame, (np.array([1.0, 0.0, 0.0, 0.0]), -anchor)
         if last:

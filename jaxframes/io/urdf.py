@@ -13,6 +13,7 @@ import numpy as np
 
 from jaxframes import edges
 from jaxframes.edges.base import Edge
+from jaxframes.edges.mimic import ring_from
 from jaxframes.errors import (
     DuplicateNameError,
     EdgeError,
@@ -191,6 +192,7 @@ def _followed(joints: list[Node]) -> dict[str, Node]:
         node = joint.one("mimic")
         if node is not None and kinds[name] != "fixed":  # some real files have the tag on joints that were fixed afterwards
             followed[name] = node
+    targets = {name: node.attributes.get("joint", "") for name, node in followed.items()}
     for name, node in followed.items():
         joint, target = by_name[name], node.attributes.get("joint")
         if not target:
@@ -200,12 +202,8 @@ def _followed(joints: list[Node]) -> dict[str, Node]:
             joint.fail(f"it mimics {target!r}, which does not exist.{known} Or load with mimic=False", UnknownJointError)
         if kinds[target] == "fixed":
             joint.fail(f"it mimics {target!r}, which is fixed; mimic a joint that moves, or load with mimic=False", EdgeError)
-        line = [name]
-        while target in followed and target not in line:
-            line.append(target)
-            target = followed[target].attributes.get("joint", "")
-        if target in line:
-            joint.fail(f"it mimics itself: {' -> '.join([*line, target])}; one of them must move on its own", TopologyError)
+        if ring := ring_from(name, targets):
+            joint.fail(f"it mimics itself: {' -> '.join(ring)}; one of them must move on its own", TopologyError)
     return followed
 
 
@@ -234,19 +232,20 @@ def _moving(joint: Node, kind: str, placement: Transform, limit: Node | None) ->
     axis = _axis(joint)
     if kind == "planar":
         return edges.Planar(axis, placement)
-    caps: dict[str, Any] = {"velocity_limits": _cap(limit, "velocity"), "effort_limits": _cap(limit, "effort")}
+    velocity, effort = (_magnitude_limit(limit, name) for name in ("velocity", "effort"))
+    magnitude_limits: dict[str, Any] = {"velocity_limits": velocity, "effort_limits": effort}
     if kind == "continuous":
-        return edges.Continuous(axis, placement, **caps)
+        return edges.Continuous(axis, placement, **magnitude_limits)
     if limit is None:
         joint.fail(f"a {kind} joint needs <limit lower=... upper=.../>; add it" + ", or use type='continuous'" * (kind == "revolute"))
     bounds = limit.number("lower", 0.0), limit.number("upper", 0.0)
     if bounds[0] > bounds[1]:
         limit.fail(f"the limits of joint {joint.text('name')!r} are reversed: lower {bounds[0]:g} is above upper {bounds[1]:g}", EdgeError)
     free = tuple(math.copysign(math.inf, b) if abs(b) >= UNLIMITED else b for b in bounds)
-    return (edges.Revolute if kind == "revolute" else edges.Prismatic)(axis, placement, free, **caps)
+    return (edges.Revolute if kind == "revolute" else edges.Prismatic)(axis, placement, free, **magnitude_limits)
 
 
-def _cap(limit: Node | None, name: str) -> float:
+def _magnitude_limit(limit: Node | None, name: str) -> float:
     """Return a velocity or effort limit: infinite where it is not given."""
     value = math.inf if limit is None else limit.number(name, math.inf)
     return math.inf if abs(value) >= UNLIMITED else abs(value)

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from jaxframes import edges
+from jaxframes.edges.joint import AxisJoint, Joint
 from jaxframes.errors import FormatError
 from jaxframes.io.urdf import IN_LINK, KEPT_IN_JOINT
 from jaxframes.numerics import host_quaternions
@@ -72,21 +73,21 @@ def _write_joint(robot: Any, tree: FrameTree, frame: str, name: str, about: Mapp
     edge, follower = tree.edge(frame), None
     if isinstance(edge, edges.Mimic):
         edge, follower = edge.edge, edge
-    if type(edge) not in KINDS or (follower is not None and follower.coordinate):
+    if not isinstance(edge, (edges.Fixed, Joint)) or type(edge) not in KINDS or (follower is not None and follower.coordinate):
         known = ", ".join(kind.__name__ for kind in KINDS)
         raise FormatError(f"frame {frame!r} hangs on {edge.describe()}, which URDF has no joint for; it knows {known} and Mimic of these")
     kind = KINDS[type(edge)]
-    limits = None if isinstance(edge, (edges.Fixed, edges.Planar, edges.Free)) else _limits(edge, frame)
+    limits = None if isinstance(edge, (edges.Fixed, edges.Planar, edges.Free)) else _limits(edge)
     if kind == "revolute" and limits is not None and not any(map(math.isfinite, limits[:2])):
         kind = "continuous"
     joint = ElementTree.SubElement(robot, "joint", name=name, type=kind)
     ElementTree.SubElement(joint, "parent", link=tree.parent(frame))
     ElementTree.SubElement(joint, "child", link=frame)
-    placement: Any = edge.transform if isinstance(edge, edges.Fixed) else edge.placement  # pyright: ignore[reportAttributeAccessIssue]
+    placement = edge.placement if isinstance(edge, Joint) else edge.transform
     xyz, rpy = _origin(placement, about.get("rpy"), frame)
     ElementTree.SubElement(joint, "origin", xyz=_text(xyz), rpy=_text(rpy))
-    if hasattr(edge, "axis"):
-        ElementTree.SubElement(joint, "axis", xyz=_text(_known(edge.axis, frame)))  # pyright: ignore[reportAttributeAccessIssue]
+    if isinstance(edge, AxisJoint):
+        ElementTree.SubElement(joint, "axis", xyz=_text(_known(edge.axis, frame)))
     if limits is not None:
         _write_limits(joint, kind, limits)
     if follower is not None:
@@ -96,9 +97,9 @@ def _write_joint(robot: Any, tree: FrameTree, frame: str, name: str, about: Mapp
         _write_facts(joint, tag, about.get(tag))
 
 
-def _limits(edge: Any, frame: str) -> tuple[float, ...]:
+def _limits(edge: Joint) -> tuple[float, ...]:
     """Return lower, upper, velocity and effort limits."""
-    return tuple(float(v) for part in (edge.limits, edge.velocity_limits, edge.effort_limits) for v in _known(part, frame))
+    return (*edge.limits, *edge.velocity_limits, *edge.effort_limits)
 
 
 def _write_limits(joint: Any, kind: str, limits: tuple[float, ...]) -> None:

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import jax
 
 from jaxframes.errors import FrameError
+from jaxframes.model.structure import Structure
 from jaxframes.numerics.batch import tag
 from jaxframes.spatial.serialization import register
 
@@ -59,7 +60,7 @@ class Looking(NamedTuple):
     order: int
 
 
-def checked(tree: Any, of: str, relative_to: str, expressed_in: str | None, options: dict[str, Any]) -> Looking:
+def checked(tree: Structure, of: str, relative_to: str, expressed_in: str | None, options: dict[str, Any]) -> Looking:
     """Return the options of ``tree.apparent`` with names looked up.
 
     Raises:

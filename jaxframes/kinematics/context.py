@@ -204,11 +204,19 @@ class Context:
         """Return the steps of all edges of a family that reads the time and does not stack, each component [*batch, n_edges]."""
         members = self.topology.members[group]
         self.check(members[0])
-        assert self.time is not None
-        hi, lo = (jnp.broadcast_to(part[..., None], (*part.shape, len(members))) for part in self.time)
         reading = replace(self.reading, rank=len(self.shape) + 1)
-        edge, operands = reading.edge(self.tree.together(group).normalized()), Operands()
-        steps = edge.steps(Inputs(time=(hi, lo), batch_rank=reading.rank), self.order)
+        edge = reading.edge(self.tree.together(group).normalized())
+        return self.given_source(edge.steps(Inputs(time=self.times(len(members)), batch_rank=reading.rank), self.order), reading)
+
+    def times(self, count: int) -> tuple[jax.Array, jax.Array]:
+        """Return the epoch in two parts, for so many edges [*batch, n_edges]."""
+        assert self.time is not None
+        hi, lo = (jnp.broadcast_to(part[..., None], (*part.shape, count)) for part in self.time)
+        return hi, lo
+
+    def given_source(self, steps: tuple[Step, ...], reading: Reading) -> TracedInput:
+        """Return steps that were worked out before as a source, without unit twists."""
+        operands = Operands()
         given = PrecomputedSteps(operands.components(steps), operands.components([]))
         return TracedInput(PathSteps((given,), reading), tuple(operands.arrays))
 

@@ -129,9 +129,9 @@ class _Jacobian(StagedProgram):
         found: dict[int, tuple[V3, V3]] = {}
         for edges, way, poses, sign in zip(self.parts.ways, made, (observer, target), (-1.0, 1.0), strict=True):
             for edge, (_, twists), parent, child in zip(edges, way, poses, poses[1:], strict=False):
-                for index, (spin, slip) in zip(edge.rates, twists, strict=True):
-                    angular = rotate(parent.rotation, spin) * sign
-                    linear = rotate(parent.rotation, slip) * sign + cross(angular, end - child.translation)
+                for index, (w_rel, v_rel) in zip(edge.rates, twists, strict=True):
+                    angular = rotate(parent.rotation, w_rel) * sign
+                    linear = rotate(parent.rotation, v_rel) * sign + cross(angular, end - child.translation)
                     old = found.get(index, (ZERO, ZERO))
                     found[index] = (old[0] + angular, old[1] + linear)
         return found, observer[-1]

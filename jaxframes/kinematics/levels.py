@@ -165,6 +165,8 @@ def _family_steps(context: Context, group: int, frames: list[int]) -> TracedInpu
         kept.append((operands.place(getattr(state, kind)) if count else 0, columns))
     followed = () if follows else _followed(context, frames, operands)
     recipe = FamilySteps(topology.groups[group], numbers, tuple(kept), counts, None, reading, followed, follows)
+    if edge.needs_time:
+        return context.given_source(recipe.steps(operands.arrays, context.times(len(frames))), reading)
     return TracedInput(recipe, tuple(operands.arrays))
 
 
@@ -215,8 +217,12 @@ class FamilySteps(StepsRecipe):
 
     def __call__(self, *arrays: jax.Array) -> tuple[Step, ...]:
         """Return the steps."""
+        return self.steps(arrays)
+
+    def steps(self, arrays: Sequence[jax.Array], time: tuple[jax.Array, jax.Array] | None = None) -> tuple[Step, ...]:
+        """Return the steps; for edges that read the epoch, at that in two parts [*batch, n_edges]."""
         edge = self.reading.edge(jax.tree.unflatten(self.definition, [arrays[place] for place in self.parameters]))
-        inputs = self._inputs(arrays)
+        inputs = self._inputs(arrays)._replace(time=time)
         if self.follows and isinstance(edge, Mimic):
             q, qd, qdd = edge.follow(inputs.q, inputs.qd, inputs.qdd, self.reading.rank)
             inputs = inputs._replace(q=q, qd=qd, qdd=qdd)

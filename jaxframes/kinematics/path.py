@@ -85,9 +85,10 @@ def repeated(context: Context, frames: Sequence[int], found: Repeats) -> Packed:
 
 
 def _numbers(context: Context, group: int, frames: Sequence[int]) -> list[jax.Array]:
-    """Return the numbers of edges of one family, one edge after the other: arrays [n_edges, k]."""
+    """Return the numbers of edges of one family, one edge after the other: arrays [n_edges, ..., k]."""
     edge = jax.tree.unflatten(context.topology.groups[group], context.tree.numbers(frames)).normalized()
-    return [jnp.asarray(leaf) for leaf in jax.tree.leaves(edge)]
+    leaves = [jnp.asarray(leaf) for leaf in jax.tree.leaves(edge)]
+    return [leaf if leaf.ndim == 2 else jnp.moveaxis(leaf, -2, 0) for leaf in leaves]
 
 
 @dataclass(frozen=True)

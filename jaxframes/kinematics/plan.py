@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from jaxframes.edges.fixed import Fixed
 from jaxframes.model.compile import LARGE
+from jaxframes.model.structure import Structure
 from jaxframes.model.topology import Topology
 
 MAX_UNROLLED = 19
@@ -49,19 +50,20 @@ def is_deep(levels: int) -> bool:
     return levels > SPAN + SPAN // 2
 
 
-def pieces_of(tree: Any, frames: Sequence[int], order: int) -> tuple[Repeats | None, list[list[int]]]:
+def pieces_of(tree: Structure, frames: Sequence[int], order: int) -> tuple[Repeats | None, list[list[int]]]:
     """Return how the edges above the frames of a downward path are cut: how they repeat, None if they do not, and the pieces after that.
 
     A path without edges is one empty piece.
     """
     pieces = _cut(tree, frames, order)
-    pattern = repeats(tree.topology, frames, PIECE[order]) if len(pieces) > 1 else None
+    timed = any(tree.edge_of(frame).needs_time for frame in frames)
+    pattern = repeats(tree.topology, frames, PIECE[order]) if len(pieces) > 1 and not timed else None
     if pattern is None:
         return None, pieces
     return pattern, [list(frames[pattern.edges :])] if len(frames) > pattern.edges else []
 
 
-def _cut(tree: Any, frames: Sequence[int], order: int) -> list[list[int]]:
+def _cut(tree: Structure, frames: Sequence[int], order: int) -> list[list[int]]:
     edges = [tree.edge_of(frame) for frame in frames]
     weights = [max(edge.nv, int(not isinstance(edge, Fixed))) for edge in edges]
     most = MAX_IN_ONE_PIECE[order] if sum(weights) <= MAX_IN_ONE_PIECE[order] else PIECE[order]
@@ -76,7 +78,7 @@ def _cut(tree: Any, frames: Sequence[int], order: int) -> list[list[int]]:
 
 
 def repeats(topology: Topology, frames: Sequence[int], most: int) -> Repeats | None:
-    """Return how the edges above frames repeat, in pieces of up to so many joints; None where they do not, or a few times only."""
+    """Return how edges that read no epoch repeat, in pieces of up to so many joints; None where they do not, or a few times only."""
     groups = [topology.locations[frame][0] for frame in frames]
     counts = [topology.coordinates[frame] for frame in frames]
     plain = all(
@@ -92,7 +94,7 @@ def repeats(topology: Topology, frames: Sequence[int], most: int) -> Repeats | N
     return None
 
 
-def along_path(tree: Any, up: Sequence[int], down: Sequence[int]) -> str:
+def along_path(tree: Structure, up: Sequence[int], down: Sequence[int]) -> str:
     """Return text on how poses and motions along a path are worked out, from the frames on both sides of the common ancestor."""
     poses, motions = (" and ".join(_side(tree, side, order) for side in (up, down) if side) for order in (0, 2))
     if not poses:
@@ -100,7 +102,7 @@ def along_path(tree: Any, up: Sequence[int], down: Sequence[int]) -> str:
     return f"composed {poses}" if poses == motions else f"composed {poses}; motions {motions}"
 
 
-def _side(tree: Any, frames: Sequence[int], order: int) -> str:
+def _side(tree: Structure, frames: Sequence[int], order: int) -> str:
     pattern, pieces = pieces_of(tree, frames, order)
     if pattern is not None:
         rest = f", {len(pieces[0])} edges more after it" if pieces else ""

@@ -10,7 +10,7 @@ import numpy as np
 from jaxframes.edges.base import Edge
 from jaxframes.kinematics.plan import by_level
 from jaxframes.model.compile import LARGE
-from jaxframes.model.families import float_dtype
+from jaxframes.model.families import PartlyBatched, float_dtype, rows_of
 from jaxframes.model.structure import Structure
 from jaxframes.model.topology import Topology
 from jaxframes.staging.arrays import is_concrete
@@ -22,7 +22,8 @@ class StackedTree(Structure):
     """The same tree, its numbers stored by family: a compiled call takes a handful of arrays instead of some for each frame.
 
     Attributes:
-        stacks: For each family its arrays [..., n_edges, k]; where its edges do not stack, one edge (of many, or the only one).
+        stacks: For each family its arrays [..., n_edges, k], or what few edges with batch axes make of them; where its edges do not
+            stack, one edge (of many, or the only one).
         topology: As in ``FrameTree``.
     """
 
@@ -45,7 +46,11 @@ class StackedTree(Structure):
         if not self.topology.stacked[group]:
             edge = self.stacks[group]
             return edge if len(self.topology.members[group]) == 1 else edge.alone(row)
-        return jax.tree.unflatten(self.topology.groups[group], [leaf[..., row, :] for leaf in self.stacks[group]])
+        return jax.tree.unflatten(self.topology.groups[group], [_row_of(leaf, row) for leaf in self.stacks[group]])
+
+    def family(self, group: int) -> tuple[Any, ...]:
+        """Return the numbers of all edges of a family that stacks, leaf by leaf."""
+        return self.stacks[group]
 
     def together(self, group: int) -> Edge:
         """Return the edges of a family that does not stack as one edge."""
@@ -55,13 +60,7 @@ class StackedTree(Structure):
         """Return the numbers of the edges above frames, all of one family, leaf by leaf: arrays [..., n_frames, k]."""
         locations = self.topology.locations
         group, rows = locations[frames[0]][0], np.array([locations[frame][1] for frame in frames])
-        return tuple(self._rows(leaf, rows) for leaf in self.stacks[group])
-
-    @staticmethod
-    def _rows(leaf: Any, rows: np.ndarray) -> Any:
-        if len(rows) == leaf.shape[-2] and np.all(np.diff(rows) == 1):
-            return leaf
-        return leaf[..., rows, :] if is_concrete(leaf) else leaf.at[..., rows, :].get(mode="promise_in_bounds")
+        return tuple(rows_of(leaf, rows) for leaf in self.stacks[group])
 
     @property
     def is_known(self) -> bool:
@@ -75,7 +74,7 @@ class StackedTree(Structure):
 
     def _batch_shape(self) -> tuple[int, ...]:
         stacked = zip(self.stacks, self.topology.stacked, strict=True)
-        return np.broadcast_shapes(*{np.shape(leaf)[:-2] for leaves, on in stacked if on for leaf in leaves})
+        return np.broadcast_shapes(*{_batch_of(leaf) for leaves, on in stacked if on for leaf in leaves})
 
     @property
     def dtype(self) -> Any:
@@ -83,12 +82,20 @@ class StackedTree(Structure):
         return self.held("dtype", lambda: float_dtype(self.stacks))
 
 
+def _row_of(leaf: Any, row: int) -> Any:
+    return leaf.row(row) if isinstance(leaf, PartlyBatched) else leaf[..., row, :]
+
+
+def _batch_of(leaf: Any) -> tuple[int, ...]:
+    return leaf.batch_shape if isinstance(leaf, PartlyBatched) else np.shape(leaf)[:-2]
+
+
 def stacked_tree(tree: Structure) -> StackedTree:
     """Return a tree with its numbers stored by family, traced or known (then as NumPy arrays)."""
     if isinstance(tree, StackedTree):
         return tree
     kinds = zip(tree.topology.stacked, tree.topology.members, strict=True)
-    return StackedTree(tuple(tree.numbers(members) if on else tree.together(i) for i, (on, members) in enumerate(kinds)), tree.topology)
+    return StackedTree(tuple(tree.family(i) if on else tree.together(i) for i, (on, members) in enumerate(kinds)), tree.topology)
 
 
 class Plan:

@@ -47,7 +47,7 @@ class JointSpace(Parameters):
         step = v * dt
         rates = _columns(self, "v")
         moved = q + (step if rates is None else step[..., rates])
-        return self._with_curved(moved, 0, lambda edge, cut: edge.integrate(cut(q, 0), cut(step, 2)))
+        return self._on_manifolds(moved, 0, lambda edge, cut: edge.integrate(cut(q, 0), cut(step, 2)))
 
     def difference(self, q0: Any, q1: Any) -> jax.Array:
         """Return the rates [..., nv] that lead from q0 to q1 in one second, the shorter way: ``integrate(q0, difference) == q1``.
@@ -67,7 +67,7 @@ class JointSpace(Parameters):
         places = _columns(self, "q")
         step = q1 - q0
         step = step if places is None else step[..., places]
-        return self._with_curved(step, 2, lambda edge, cut: edge.difference(cut(q0, 0), cut(q1, 0)))
+        return self._on_manifolds(step, 2, lambda edge, cut: edge.difference(cut(q0, 0), cut(q1, 0)))
 
     def clamp(self, q: Any) -> jax.Array:
         """Return coordinates [..., nq] moved inside the limits, quaternions normalised; NaN stays NaN.
@@ -80,7 +80,7 @@ class JointSpace(Parameters):
         low, high = self.limits()
         low, high, q = same_batch(low.astype(q.dtype), high.astype(q.dtype), q)
         inside = jnp.where(q < low, low, jnp.where(q > high, high, q))
-        return self._with_curved(inside, 0, lambda edge, cut: edge.project(cut(inside, 0)))
+        return self._on_manifolds(inside, 0, lambda edge, cut: edge.project(cut(inside, 0)))
 
     def random(self, key: jax.Array, batch: Sequence[int] = ()) -> jax.Array:
         """Return random coordinates [*batch, nq], uniform within limits.
@@ -103,7 +103,7 @@ class JointSpace(Parameters):
         start, stop = (jnp.broadcast_to(bound, shape) for bound in (start, stop))
         flat = jnp.minimum(start + drawn * (stop - start), stop)
         keys = iter(others)
-        return self._with_curved(flat, 0, lambda edge, cut: edge.random(next(keys), cut(flat, 0)))
+        return self._on_manifolds(flat, 0, lambda edge, cut: edge.random(next(keys), cut(flat, 0)))
 
     def limits(self) -> tuple[jax.Array, jax.Array]:
         """Return the lower and upper bounds [..., nq] of all coordinates, infinite where there are none."""
@@ -126,11 +126,11 @@ class JointSpace(Parameters):
             raise ShapeError(f"{kind} has shape {array.shape}, but the tree's joints need [..., {count}]")
         return array
 
-    def _with_curved(self, values: jax.Array, place: int, make: Callable[[Edge, Callable[[jax.Array, int], jax.Array]], Any]) -> jax.Array:
-        """Return values with those of curved joints replaced; ``place`` is 0 for coordinates, 2 for rates."""
+    def _on_manifolds(self, values: jax.Array, place: int, make: Callable[[Edge, Callable[[jax.Array, int], jax.Array]], Any]) -> jax.Array:
+        """Return values with those of joints on a manifold replaced; ``place`` is 0 for coordinates, 2 for rates."""
         for frame in self.topology.joint_frames:
             edge, where = self.edge_of(frame), self.topology.coordinates[frame]
-            if edge.curved:
+            if edge.is_manifold:
                 cut = lambda array, at, where=where: array[..., where[at] : where[at] + where[at + 1]]  # noqa: E731
                 first = where[place]
                 values = values.at[..., first : first + where[place + 1]].set(make(edge, cut))

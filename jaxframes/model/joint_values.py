@@ -10,7 +10,7 @@ import numpy as np
 from jax import lax
 
 from jaxframes.edges.attachable import Attachable
-from jaxframes.edges.stored import Movable
+from jaxframes.edges.prescribed import Movable
 from jaxframes.errors import EdgeError, ShapeError
 from jaxframes.model.state import Attachments, State
 from jaxframes.model.structure import Structure

@@ -5,6 +5,7 @@ name is the frame's, a dot, and the path of fields within the frame's edge. Limi
 the same names all the same.
 """
 
+import dataclasses
 import fnmatch
 import functools
 from collections.abc import Mapping, Sequence
@@ -17,7 +18,7 @@ import numpy as np
 
 from jaxframes.edges.base import Edge
 from jaxframes.errors import EdgeError, FrameError, ShapeError, UnknownFrameError, suggest
-from jaxframes.model.families import differs, float_dtype, like, stack
+from jaxframes.model.families import differs, float_dtype, like, rows_of, stack, stored
 from jaxframes.model.structure import Structure
 from jaxframes.model.topology import Topology
 from jaxframes.staging.arrays import as_float, is_concrete
@@ -61,13 +62,12 @@ class Parameters(Structure):
             return stack([self.edge_of(frame) for frame in frames])
         locations = self.topology.locations
         group, rows = locations[frames[0]][0], np.array([locations[frame][1] for frame in frames])
-        whole = self._known_family(group)
-        complete = len(rows) == len(self.topology.members[group]) and np.all(np.diff(rows) == 1)
-        return whole if complete else tuple(a[..., rows, :] for a in whole)
+        return tuple(rows_of(column, rows) for column in self.family(group))
 
-    def _known_family(self, group: int) -> tuple[Any, ...]:
-        """Return the stacked numbers of a family, all known, as NumPy arrays; they are stacked once."""
-        return self.held(f"stacked {group}", lambda: stack([self.edge_of(frame) for frame in self.topology.members[group]]))
+    def family(self, group: int) -> tuple[Any, ...]:
+        """Return the numbers of all edges of a family, as ``stored`` keeps them: once, as NumPy arrays, where all are known."""
+        make = lambda: stored([self.edge_of(frame) for frame in self.topology.members[group]])  # noqa: E731
+        return self.held(f"stacked {group}", make) if self.is_known else make()
 
     def together(self, group: int) -> Edge:
         """Return the edges of a family that does not stack as one edge: the edge itself where there is one."""
@@ -97,7 +97,7 @@ class Parameters(Structure):
         return self.held("batch_shape", self._batch_shape)
 
     def _batch_shape(self) -> tuple[int, ...]:
-        leaves = jax.tree.leaves([edge for edge in self.distinct_edges if edge.stacks])
+        leaves = jax.tree.leaves([edge for edge in self.distinct_edges if edge.stackable])
         return np.broadcast_shapes(*{np.shape(leaf)[:-1] for leaf in leaves})
 
     def with_edge(self, name: str, edge: Edge) -> Self:
@@ -112,7 +112,7 @@ class Parameters(Structure):
             raise EdgeError(f"frame {name!r}: expected an edge, found {type(edge).__name__}")
         fresh = like(edge, old)
         if fresh is None:
-            raise EdgeError(f"frame {name!r} hangs on {old.describe()}, which cannot become {edge.describe()}: {differs(edge, old)}")
+            raise EdgeError(f"frame {name!r}: the edge given cannot take the place of {old.describe()}: {differs(edge, old)}")
         return replace(self, frame_edges=(*self.frame_edges[: frame - 1], fresh, *self.frame_edges[frame:]))
 
     def astype(self, dtype: Any) -> Self:
@@ -161,7 +161,7 @@ class Parameters(Structure):
             FrameError: Its edge has no such field.
         """
         frame, fields = self._split(name)
-        return functools.reduce(lambda value, field: self._field(value, field, name), fields, self.edge_of(frame))
+        return functools.reduce(lambda value, field: _field(value, field, name), fields, self.edge_of(frame))
 
     def with_values(self, values: Mapping[str, Any]) -> Self:
         """Return a tree with parameters replaced by name; nothing retraces, and derivatives by the values are exact.
@@ -180,7 +180,7 @@ class Parameters(Structure):
             frame, fields = self._split(name)
             if frame == 0:
                 raise FrameError(f"{name!r} is the root, which hangs on nothing and has no parameters")
-            edges[frame - 1] = _replaced(edges[frame - 1], fields, value, name, self)
+            edges[frame - 1] = _replaced(edges[frame - 1], fields, value, name)
         return replace(self, frame_edges=tuple(edges))
 
     @functools.cached_property
@@ -210,22 +210,25 @@ class Parameters(Structure):
                 return index[frame], tuple(parts[count:])
         raise UnknownFrameError(f"{name!r} does not begin with the name of a frame.{suggest(parts[0], self.names)}")
 
-    def _field(self, value: Any, field: str, name: str) -> Any:
-        if isinstance(value, tuple) and field.isdecimal() and int(field) < len(value):
-            return value[int(field)]
-        fields = getattr(type(value), "__dataclass_fields__", {})
-        if field not in fields:
-            known = fields or (map(str, range(len(value))) if isinstance(value, tuple) else ())
-            raise FrameError(f"{name!r}: there is no field {field!r} in {value!r}.{suggest(field, [f for f in known if f != 'kind'])}")
-        return getattr(value, field)
+
+def _field(value: Any, field: str, name: str) -> Any:
+    """Return a field of an edge or value, or an entry of a tuple; ``name`` is what the user asked for."""
+    if isinstance(value, tuple) and field.isdecimal() and int(field) < len(value):
+        return value[int(field)]
+    known = [str(i) for i in range(len(value))] if isinstance(value, tuple) else []
+    if dataclasses.is_dataclass(value):
+        known = [f.name for f in dataclasses.fields(value)]
+    if field not in known or isinstance(value, tuple):
+        raise FrameError(f"{name!r}: there is no field {field!r} in {value!r}.{suggest(field, [f for f in known if f != 'kind'])}")
+    return getattr(value, field)
 
 
-def _replaced(value: Any, fields: tuple[str, ...], new: Any, name: str, tree: Parameters) -> Any:
+def _replaced(value: Any, fields: tuple[str, ...], new: Any, name: str) -> Any:
     """Return a value in which what a path of fields leads to is replaced."""
     if not fields:
         return _fitted(value, new, name)
     first, *rest = fields
-    inner = _replaced(tree._field(value, first, name), tuple(rest), new, name, tree)
+    inner = _replaced(_field(value, first, name), tuple(rest), new, name)
     if isinstance(value, tuple):
         return tuple(inner if i == int(first) else item for i, item in enumerate(value))
     if isinstance(value, Edge) and first not in value.parameter_fields():

@@ -15,7 +15,7 @@ from jaxframes.staging.arrays import as_float
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Attachments:
     """What the attachable frames hang on, in order of declaration.
 
@@ -27,6 +27,13 @@ class Attachments:
     parents: jax.Array
     motion: Motion
     kind: str = tag("Attachments")
+
+    def __repr__(self) -> str:
+        """Return how many frames there are, and the shape of a batch; the numbers are in the fields."""
+        parents = self.parents
+        if not isinstance(parents, (jax.Array, np.ndarray, jax.ShapeDtypeStruct)) or not parents.ndim:
+            return f"Attachments({_brief(parents)}, {_brief(self.motion)})"
+        return f"Attachments({parents.shape[-1]} frames{f', shape={parents.shape[:-1]}' if parents.shape[:-1] else ''})"
 
 
 @jax.tree_util.register_dataclass
@@ -107,7 +114,14 @@ class State(Batched):
                 parts.append(f"{self.attachments.parents.shape[-1]} attachable")
             return f"State({', '.join(parts)}{f', shape={self.shape}' if self.shape else ''})"
         except (AttributeError, IndexError, TypeError, ValueError):  # while JAX handles it as a tree, anything may stand for its leaves
-            return f"State({', '.join(f'{name}={getattr(self, name)!r}' for name in FIELDS)})"
+            return f"State({', '.join(f'{name}={_brief(getattr(self, name))}' for name in FIELDS)})"
+
+
+def _brief(value: Any) -> str:
+    """Return a few words for whatever stands in a field: a value with one thing in all its places is that thing."""
+    leaves = jax.tree.leaves(value, is_leaf=lambda x: x is None)
+    words = list(dict.fromkeys(f"{x.dtype}{list(x.shape)}" if isinstance(x, jax.Array | np.ndarray) else repr(x) for x in leaves))
+    return words[0] if len(words) == 1 else f"{words[0]} and {len(words) - 1} others"
 
 
 FIELDS = ("q", "qd", "qdd", "time", "prescribed", "attachments")

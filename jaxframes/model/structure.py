@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from jaxframes.edges.base import Edge
 from jaxframes.errors import ShapeError, TopologyError, UnknownJointError, suggest
 from jaxframes.model.properties import thaw
@@ -30,6 +32,10 @@ class Structure(ABC):
     @abstractmethod
     def numbers(self, frames: Sequence[int]) -> tuple[Any, ...]:
         """Return the numbers of the edges above frames, all of one family, leaf by leaf: arrays [..., n_frames, k]."""
+
+    @abstractmethod
+    def family(self, group: int) -> tuple[Any, ...]:
+        """Return the numbers of all edges of a family that stacks, leaf by leaf: arrays [..., n_edges, k], or ``PartlyBatched``."""
 
     @abstractmethod
     def together(self, group: int) -> Edge:
@@ -133,6 +139,21 @@ class Structure(ABC):
         if state is not None and self.is_attachable(name):
             return self.attached_to(state)[name]
         return self.names[self.topology.parents[self._below_root(name, "so it has no parent")]]
+
+    def parent_name(self, name: str, state: State | None) -> str:
+        """Return the name of the frame that a frame hangs on, for what asks for one alone (arguments and errors as for ``parent``).
+
+        Raises:
+            ShapeError: It hangs on several over a batch of states, or what it hangs on is traced.
+        """
+        found = self.parent(name, state)
+        if isinstance(found, str):
+            return found
+        known = np.unique(np.asarray(found)) if is_concrete(found) else ()
+        if len(known) == 1:
+            return self._name_of(int(known[0]))
+        why = "differs over a batch of states; ask one state at a time" if len(known) else "is traced; ask outside of jit and vmap"
+        raise ShapeError(f"what {name!r} hangs on {why} (tree.attached_to(state) holds it)")
 
     def children(self, name: str, state: State | None = None) -> tuple[str, ...]:
         """Return a frame's children in order of declaration: those declared, or with a state those that hang on it there.

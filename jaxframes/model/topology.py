@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import jax
+import numpy as np
 
 from jaxframes.errors import TopologyError, UnknownFrameError, UnknownJointError, suggest
 
@@ -147,8 +148,10 @@ class Topology:
         try:
             return self.index_of[name]
         except (KeyError, TypeError):
-            shown = name if isinstance(name, str) else repr(name)
-            raise UnknownFrameError(f"the tree has no frame {name!r}.{suggest(shown, self.names)}") from None
+            if isinstance(name, str):
+                raise UnknownFrameError(f"the tree has no frame {name!r}.{suggest(name, self.names)}") from None
+            found = f"an array of {name.dtype}{list(name.shape)}" if isinstance(name, (np.ndarray, jax.Array)) else repr(name)
+            raise UnknownFrameError(f"a frame is asked for by its name, found {found}; tree.names[i] is the name of frame i") from None
 
     def joint(self, name: str) -> int:
         """Return a joint's index.

@@ -13,7 +13,7 @@ from jaxframes.numerics.packed import Kind, Packed, change_of, unpacked, unpacke
 from jaxframes.numerics.programs import StagedProgram, run_program
 from jaxframes.numerics.rigid import Rigid, compose
 from jaxframes.numerics.step_derivatives import NO_CHANGE, extended, first_change, of_rotation, varied
-from jaxframes.numerics.steps import Step, Turn, append_all
+from jaxframes.numerics.steps import RotationStep, Step, append_all
 from jaxframes.numerics.trig import Half, sin_cos
 from jaxframes.staging.columns import join_columns, take_apart
 from jaxframes.staging.operation import Arrays
@@ -192,6 +192,8 @@ class _Extension(StagedProgram):
             rest = iter(() if columns is None else take_apart(columns))
             for i, width in zip(own, widths, strict=True):
                 steps[i] = join_columns([next(rest) for _ in range(width)]).astype(arrays[i].dtype)
+                if full[i].shape != steps[i].shape:  # other numbers of the edge have batch axes
+                    full[i] = jnp.broadcast_to(full[i], steps[i].shape)
             made, moved = with_halves(part(*full), sin_cos), changes(part, full, steps)
             before = change_of(change) if change else NO_CHANGE
             return self.kind.packed_change(extended(unpacked(start), before, made, moved, self.kind.order)[1].groups)
@@ -202,20 +204,20 @@ class _Extension(StagedProgram):
 
 def half_angles(steps: Iterable[Step]) -> list[jax.Array]:
     """Return half the angle of each turn, those that are known left out."""
-    halves = (mul(step.angle.value, 0.5) for step in steps if isinstance(step, Turn))
+    halves = (mul(step.angle.value, 0.5) for step in steps if isinstance(step, RotationStep))
     return [half for half in halves if not isinstance(half, float | int)]
 
 
 def has_angles(outline: Iterable[Step]) -> bool:
     """Return whether any step turns by an angle that is not known, which is NaN in the outline of a traced input."""
-    return any(isinstance(step, Turn) and math.isnan(step.angle.value) for step in outline)
+    return any(isinstance(step, RotationStep) and math.isnan(step.angle.value) for step in outline)
 
 
 def with_halves(steps: Iterable[Step], pair: Half) -> tuple[Step, ...]:
     """Return steps whose turns hold sine and cosine of half their angles."""
 
     def held(step: Step) -> Step:
-        if not isinstance(step, Turn):
+        if not isinstance(step, RotationStep):
             return step
         angle = mul(step.angle.value, 0.5)
         return replace(step, half=sin_cos(angle) if isinstance(angle, float) else pair(angle))

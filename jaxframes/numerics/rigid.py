@@ -40,12 +40,12 @@ def compose(first: Rigid, second: Rigid, order: int) -> Rigid:
     if order == 0:
         return Rigid(rotation, translation)
     w1, w2, v2 = first.angular, rotate(q1, second.angular), rotate(q1, second.linear)
-    whirl = cross(w1, r)
-    angular, linear = w1 + w2, first.linear + whirl + v2
+    w_x_r = cross(w1, r)
+    angular, linear = w1 + w2, first.linear + w_x_r + v2
     if order == 1:
         return Rigid(rotation, translation, angular, linear)
     angular2 = first.angular2 + rotate(q1, second.angular2) + cross(w1, w2)
-    linear2 = first.linear2 + rotate(q1, second.linear2) + cross(first.angular2, r) + cross(w1, whirl + v2 * 2.0)
+    linear2 = first.linear2 + rotate(q1, second.linear2) + cross(first.angular2, r) + cross(w1, w_x_r + v2 * 2.0)
     return Rigid(rotation, translation, angular, linear, angular2, linear2)
 
 
@@ -60,8 +60,8 @@ def inverse(motion: Rigid, order: int) -> Rigid:
     angular, linear = -rotate(back, w), -rotate(back, drift)
     if order == 1:
         return Rigid(rotation, translation, angular, linear)
-    bend = motion.linear2 - cross(motion.angular2, moved) - cross(w, v + drift)
-    return Rigid(rotation, translation, angular, linear, -rotate(back, motion.angular2), -rotate(back, bend))
+    a_seen = motion.linear2 - cross(motion.angular2, moved) - cross(w, v + drift)
+    return Rigid(rotation, translation, angular, linear, -rotate(back, motion.angular2), -rotate(back, a_seen))
 
 
 def relative(observer: Rigid, target: Rigid, order: int) -> Rigid:

@@ -15,7 +15,7 @@ from typing import Any
 
 from jaxframes.numerics.components import V3, ZERO, Component, Quat, cross, mul, quat_conj, quat_from, quat_mul, rotate
 from jaxframes.numerics.rigid import Rigid
-from jaxframes.numerics.steps import Slide, Step, Turn, append
+from jaxframes.numerics.steps import RotationStep, Step, TranslationStep, append
 
 
 def varied(motion: Rigid, dmotion: Rigid, steps: Sequence[Step], dsteps: Sequence[Any], order: int) -> Rigid:
@@ -82,7 +82,7 @@ def next_change(before: Rigid, change: Change, step: Step, dstep: Any, order: in
     turn = functools.partial(_rotated, before.rotation, change.angle)
     if isinstance(step, Rigid):
         angle = change.angle + rotate(before.rotation, _small_turn(dstep.rotation, step.rotation))
-        arm, spin, slip, spin2, slip2 = (
+        arm, w_rel, v_rel, alpha_rel, a_rel = (
             turn(vector, dvector)
             for vector, dvector in (
                 (step.translation, dstep.translation),
@@ -92,20 +92,20 @@ def next_change(before: Rigid, change: Change, step: Step, dstep: Any, order: in
                 (step.linear2, dstep.linear2),
             )
         )
-        return _carried(before, change, angle, arm, (spin, slip, spin2, slip2), order)
+        return _carried(before, change, angle, arm, (w_rel, v_rel, alpha_rel, a_rel), order)
     hinge = quat_mul(before.rotation, step.rotation)
     tilt = change.angle + rotate(before.rotation, _small_turn(dstep.rotation, step.rotation))
     axis = _rotated(hinge, tilt, step.axis, dstep.axis)
     arm = turn(step.translation, dstep.translation)
     still = (ZERO, ZERO)
-    if isinstance(step, Slide):
+    if isinstance(step, TranslationStep):
         along = _scaled(axis, step.length.value, dstep.length.value)
         arm = (arm[0] + along[0], arm[1] + along[1])
-        slip, slip2 = (_scaled(axis, *pair) for pair in _rates(step.length, dstep.length))
-        return _carried(before, change, tilt, arm, (still, slip, still, slip2), order)
+        v_rel, a_rel = (_scaled(axis, *pair) for pair in _rates(step.length, dstep.length))
+        return _carried(before, change, tilt, arm, (still, v_rel, still, a_rel), order)
     angle = tilt + axis[0] * dstep.angle.value + rotate(hinge, _swing(step, dstep))
-    spin, spin2 = (_scaled(axis, *pair) for pair in _rates(step.angle, dstep.angle))
-    return _carried(before, change, angle, arm, (spin, still, spin2, still), order)
+    w_rel, alpha_rel = (_scaled(axis, *pair) for pair in _rates(step.angle, dstep.angle))
+    return _carried(before, change, angle, arm, (w_rel, still, alpha_rel, still), order)
 
 
 Varied = tuple[V3, V3]
@@ -126,7 +126,7 @@ def _rates(coordinate: Any, change: Any) -> tuple[tuple[Component, Component], .
     return (coordinate.rate, change.rate), (coordinate.rate2, change.rate2)
 
 
-def _swing(step: Turn, dstep: Turn) -> V3:
+def _swing(step: RotationStep, dstep: RotationStep) -> V3:
     """Return the small rotation (axes of the placement) that a change da of the axis a causes: 2 (s c da + s^2 a x da), half angles."""
     if dstep.axis.is_known_zero:
         return ZERO
@@ -141,13 +141,13 @@ def _carried(before: Rigid, change: Change, angle: V3, arm: Varied, local: tuple
     translation = change.translation + dr
     if order == 0:
         return Change(angle, translation)
-    (spin, dspin), (slip, dslip), (_, dspin2), (_, dslip2) = local
+    (w_rel, dw_rel), (v_rel, dv_rel), (_, dalpha_rel), (_, da_rel) = local
     w, dw = before.angular, change.angular
-    whirl, dwhirl = cross(w, r), cross(dw, r) + cross(w, dr)
-    angular, linear = dw + dspin, change.linear + dwhirl + dslip
+    w_x_r, dw_x_r = cross(w, r), cross(dw, r) + cross(w, dr)
+    angular, linear = dw + dw_rel, change.linear + dw_x_r + dv_rel
     if order == 1:
         return Change(angle, translation, angular, linear)
-    angular2 = change.angular2 + dspin2 + cross(dw, spin) + cross(w, dspin)
-    linear2 = change.linear2 + dslip2 + cross(change.angular2, r) + cross(before.angular2, dr)
-    linear2 = linear2 + cross(dw, whirl + slip * 2.0) + cross(w, dwhirl + dslip * 2.0)
+    angular2 = change.angular2 + dalpha_rel + cross(dw, w_rel) + cross(w, dw_rel)
+    linear2 = change.linear2 + da_rel + cross(change.angular2, r) + cross(before.angular2, dr)
+    linear2 = linear2 + cross(dw, w_x_r + v_rel * 2.0) + cross(w, dw_x_r + dv_rel * 2.0)
     return Change(angle, translation, angular, linear, angular2, linear2)

@@ -1,7 +1,7 @@
 """Steps: the elementary rigid motions that every edge is made of, and how one is added to a path.
 
-An edge family lowers itself to a few steps: a joint to turns and slides about fixed axes, everything else to a motion that is
-given outright. What follows (composition, derivatives, walking by path or by level) knows steps only.
+An edge family lowers itself to a few steps: a joint to rotations about and translations along fixed axes, everything else to a motion
+that is given outright, a ``Rigid``. What follows (composition, derivatives, walking by path or by level) knows steps only.
 """
 
 from collections.abc import Iterable
@@ -27,7 +27,7 @@ class Coordinate:
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
-class Turn:
+class RotationStep:
     """A fixed placement, then a rotation about a unit axis (axes of the placement) by an angle in radians.
 
     ``half`` holds sine and cosine of half the angle where these are worked out already.
@@ -42,7 +42,7 @@ class Turn:
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
-class Slide:
+class TranslationStep:
     """A fixed placement, then a translation along an axis (axes of the placement) by a length in metres."""
 
     axis: V3
@@ -51,14 +51,11 @@ class Slide:
     translation: V3 = ZERO
 
 
-Given: TypeAlias = Rigid
-"""A motion given outright: child relative to parent, in the parent's axes."""
-
-Step: TypeAlias = Turn | Slide | Rigid
+Step: TypeAlias = RotationStep | TranslationStep | Rigid
 
 
-def turn_rotation(step: Turn) -> Quat:
-    """Return the rotation of a turn with the placement folded in: c q0 + s (q0 * axis), c and s of half the angle."""
+def rotation_of(step: RotationStep) -> Quat:
+    """Return the rotation of a step with the placement folded in: c q0 + s (q0 * axis), c and s of half the angle."""
     s, c = sin_cos(mul(step.angle.value, 0.5)) if step.half is None else step.half
     return quat_linear(c, step.rotation, s, quat_mul(step.rotation, quat_from(0.0, step.axis)))
 
@@ -68,9 +65,9 @@ def local_motion(step: Step, order: int) -> Rigid:
     if isinstance(step, Rigid):
         return step
     axis = rotate(step.rotation, step.axis)
-    if isinstance(step, Turn):
+    if isinstance(step, RotationStep):
         rates = (axis * step.angle.rate, ZERO, axis * step.angle.rate2, ZERO)
-        return _limited(turn_rotation(step), step.translation, rates, order)
+        return _limited(rotation_of(step), step.translation, rates, order)
     rates = (ZERO, axis * step.length.rate, ZERO, axis * step.length.rate2)
     return _limited(step.rotation, step.translation + axis * step.length.value, rates, order)
 
@@ -83,25 +80,25 @@ def _limited(rotation: Quat, translation: V3, rates: tuple[V3, V3, V3, V3], orde
 def append(motion: Rigid, step: Step, order: int) -> Rigid:
     """Return a motion extended by one step.
 
-    Turns and slides carry their axis, so that one rotation of the axis serves rate and acceleration alike.
+    Rotations and translations carry their axis, so that one rotation of the axis serves rate and acceleration alike.
     """
     if isinstance(step, Rigid) or order == 0:
         return compose(motion, local_motion(step, order), order)
     q, w = motion.rotation, motion.angular
     axis = rotate(quat_mul(q, step.rotation), step.axis)
     r = rotate(q, step.translation)
-    if isinstance(step, Turn):
-        spin, spin2, slip, slip2 = axis * step.angle.rate, axis * step.angle.rate2, ZERO, ZERO
-        rotation = quat_mul(q, turn_rotation(step))
+    if isinstance(step, RotationStep):
+        w_rel, alpha_rel, v_rel, a_rel = axis * step.angle.rate, axis * step.angle.rate2, ZERO, ZERO
+        rotation = quat_mul(q, rotation_of(step))
     else:
-        spin, spin2, slip, slip2 = ZERO, ZERO, axis * step.length.rate, axis * step.length.rate2
+        w_rel, alpha_rel, v_rel, a_rel = ZERO, ZERO, axis * step.length.rate, axis * step.length.rate2
         rotation, r = quat_mul(q, step.rotation), r + axis * step.length.value
-    whirl = cross(w, r)
-    velocity = (w + spin, motion.linear + whirl + slip)
+    w_x_r = cross(w, r)
+    velocity = (w + w_rel, motion.linear + w_x_r + v_rel)
     if order == 1:
         return Rigid(rotation, motion.translation + r, *velocity)
-    angular2 = motion.angular2 + spin2 + cross(w, spin)
-    linear2 = motion.linear2 + slip2 + cross(motion.angular2, r) + cross(w, whirl + slip * 2.0)
+    angular2 = motion.angular2 + alpha_rel + cross(w, w_rel)
+    linear2 = motion.linear2 + a_rel + cross(motion.angular2, r) + cross(w, w_x_r + v_rel * 2.0)
     return Rigid(rotation, motion.translation + r, *velocity, angular2, linear2)
 
 

@@ -9,6 +9,8 @@ from jaxframes.errors import TableError
 from jaxframes.numerics import host_quaternions
 from jaxframes.spice.accuracy import STENCIL, differences, largest
 from jaxframes.spice.kernels import Kernels
+from jaxframes.tables.base import Table
+from jaxframes.tables.table_edge import TableEdge
 
 STEP = 512.0  # seconds, for models without records
 
@@ -49,7 +51,7 @@ def compare(kernels: Kernels, table: Any, times: Any) -> Differences:
         TableError: If it is no table, or there are no epochs.
         SpiceError: If CSPICE has no answer for one of the epochs.
     """
-    if not hasattr(table, "info") or not hasattr(table, "evaluate"):
+    if not isinstance(table, TableEdge):
         raise TableError(f"{table!r} is no table to be compared.")
     info, seconds = table.info, np.asarray(times, np.float64).reshape(-1)
     if not len(seconds):
@@ -78,16 +80,16 @@ def compare(kernels: Kernels, table: Any, times: Any) -> Differences:
     return Differences(apart, largest(speed - rate), size, largest(speed), *slopes)
 
 
-def _step(table: Any) -> float:
+def _step(table: TableEdge) -> float:
     """Return the step for differences of rates."""
-    record_tables = getattr(table, "record_tables", ())
+    record_tables = table.record_tables if isinstance(table, Table) else ()
     halves = [np.asarray(records.rows[:, -1], float) / (1 if records.series in (3, 6) else 2) for records in record_tables]
     shortest = min((float(np.nanmedian(half)) for half in halves), default=STEP * 32)
     return float(2.0 ** np.floor(np.log2(max(shortest / 32, 1e-3))))
 
 
-def _room(table: Any, times: np.ndarray, step: float) -> np.ndarray:
+def _room(table: TableEdge, times: np.ndarray, step: float) -> np.ndarray:
     """Return around which epochs the table covers all that differences over a step are taken of."""
-    if not hasattr(table, "record_tables"):
+    if not isinstance(table, Table):
         return np.ones(len(times), bool)
     return np.all([np.asarray(table.coverage_code(times + k * step)) == 0 for k in STENCIL], 0)

@@ -32,8 +32,12 @@ from jaxframes.spice.options import (
 from jaxframes.spice.reading.kernel_files import kernel_files
 from jaxframes.spice.reading.pool import KernelPool
 from jaxframes.spice.reading.process import TIMEOUT
+from jaxframes.tables.attitude import AttitudeTable, CayleyTable
+from jaxframes.tables.fixed import FixedFrame
+from jaxframes.tables.iau_model import IauOrientation
 from jaxframes.tables.instants import Instant
 from jaxframes.tables.naif_ids import labelled
+from jaxframes.tables.orientation import OrientationTable
 from jaxframes.tables.placing import OffersEdges
 from jaxframes.tables.translation import TranslationTable
 from jaxframes.tree.frame_tree import FrameTree
@@ -171,7 +175,7 @@ class Kernels(Inventory, OffersEdges):
         tolerance: Tolerance | None = None,
         layout: str = "uniform",
         bridge: float | None = None,
-    ) -> Any:
+    ) -> OrientationTable | IauOrientation | AttitudeTable | CayleyTable | FixedFrame:
         """Return the edge that carries a frame's orientation.
 
         A binary PCK is extracted record by record, a text PCK becomes its analytic model (exact, at every instant: ``start`` and
@@ -204,7 +208,7 @@ class Kernels(Inventory, OffersEdges):
         of, base = pool.frame(frame), pool.frame(relative_to, "relative_to")
         bridge, tolerance = checked_bridge(bridge), checked_tolerance(tolerance)
         request = OrientationRequest(of, base, start, stop, ck, tolerance, checked_layout(layout, tolerance is not None), bridge)
-        edge: Any = fixed_frame(pool, request)
+        edge = fixed_frame(pool, request)
         if edge is None:
             edge = (extracted_orientation if tolerance is None else fitted_orientation).orientation(pool, request)
         return edge.replace(info=replace(edge.info, center=of.center))

@@ -8,7 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.edges.base import Inputs, family
+from jaxframes.edges.base import Inputs
+from jaxframes.edges.family import family
 from jaxframes.errors import MissingInputError
 from jaxframes.numerics.components import V3, Quat, quat_mul, select
 from jaxframes.numerics.rigid import Rigid
@@ -31,7 +32,7 @@ MODES = ("smooth", "spice")
 class Attitude(Table):
     """What tables of attitudes share. In a gap everything is NaN, gradients included, and the coverage code is +1: after the data."""
 
-    stacks: ClassVar[bool] = False
+    stackable: ClassVar[bool] = False
 
     @property
     def other_bytes(self) -> int:
@@ -61,7 +62,7 @@ class Attitude(Table):
         hi, lo = two_parts(time)
         code = evaluate.coverage_code(self.run, hi, lo)
         records = self.record_tables[0]
-        index = records.serving(*evaluate._local(self.run, jnp.asarray(hi), jnp.asarray(lo)))
+        index = records.serving(*evaluate.since_reference(self.run, jnp.asarray(hi), jnp.asarray(lo)))
         lengths = rows_at(records.rows, index)[..., -1]
         return select((code == 0) & jnp.isnan(lengths), np.int32(1), code)
 
@@ -90,7 +91,7 @@ def _knots(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, o
     def work(run: Run, hi: jax.Array, lo: jax.Array) -> jax.Array:
         run = run.as_read(hi.ndim)
         (records,) = run.record_tables
-        dt_hi, dt_lo = evaluate._local(run, hi, lo)
+        dt_hi, dt_lo = evaluate.since_reference(run, hi, lo)
         row = jnp.moveaxis(rows_at(records.rows, records.serving(dt_hi, dt_lo)), -1, 0)
         u = (((dt_hi - row[-3]) + (dt_lo - row[-2])) + _outside(run, dt_hi, dt_lo)) / row[-1]
         return _as_array(formulas.knot_motion(row, u, mode, DEVICE), order)
@@ -104,7 +105,7 @@ def _series(mode: str, run: Run, rest: tuple[jax.Array, ...], hi: Any, lo: Any, 
     def work(run: Run, spins: jax.Array, hi: jax.Array, lo: jax.Array, values: Sequence[jax.Array]) -> jax.Array:
         run = run.as_read(hi.ndim)
         (records,) = run.record_tables
-        dt_hi, dt_lo = evaluate._local(run, hi, lo)
+        dt_hi, dt_lo = evaluate.since_reference(run, hi, lo)
         index = records.serving(dt_hi, dt_lo)
         spin = jnp.moveaxis(rows_at(spins, index), -1, 0)
         times = jnp.moveaxis(rows_at(records.rows[..., -3:], index), -1, 0)
@@ -185,5 +186,5 @@ class CayleyTable(Attitude):
 
 
 def _outside(run: Run, dt_hi: jax.Array, dt_lo: jax.Array) -> jax.Array:
-    since, until = evaluate._margins(run, dt_hi, dt_lo)
+    since, until = evaluate.margins(run, dt_hi, dt_lo)
     return select((since >= 0) & (until >= 0), np.zeros((), dt_hi.dtype), np.array(np.nan, dt_hi.dtype))

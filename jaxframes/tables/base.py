@@ -8,7 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.edges.base import Edge, Inputs, family
+from jaxframes.edges.base import Edge, Inputs
+from jaxframes.edges.family import family
 from jaxframes.errors import EdgeError, MissingInputError
 from jaxframes.numerics.components import V3, Component
 from jaxframes.numerics.steps import Step
@@ -19,11 +20,12 @@ from jaxframes.tables.info import Info
 from jaxframes.tables.pool import concatenated, concatenated_arrays, counts_of, single, stacked_arrays
 from jaxframes.tables.records import RecordTable, two_part_columns
 from jaxframes.tables.report import report
+from jaxframes.tables.table_edge import TableEdge
 from jaxframes.time import seconds
-from jaxframes.time.epoch import EPOCH
+from jaxframes.time.epoch import EPOCH, Epoch
 
 
-class Table(Edge):
+class Table(TableEdge):
     """What both kinds of table share. Time is an ``Epoch``; outside the coverage everything is NaN, gradients included.
 
     Attributes:
@@ -34,13 +36,12 @@ class Table(Edge):
         by_record: Names of the fields beside the record tables that hold a row for each record.
     """
 
-    stacks: ClassVar[bool] = False
+    stackable: ClassVar[bool] = False
     needs_time: ClassVar[bool] = True
     by_record: ClassVar[tuple[str, ...]] = ()
     record_tables: tuple[RecordTable, ...]
     reference: jax.Array
     span: jax.Array
-    info: Info
 
     def astype(self, dtype: Any) -> Self:
         """Return a copy with numbers of another dtype; times, kept in two parts, lose no more than they must."""
@@ -62,7 +63,7 @@ class Table(Edge):
 
     def kind(self) -> Hashable:
         """Return what tables have in common that are evaluated as one, whatever the number of their records."""
-        own = tuple(getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in (*self.parameter_fields(), "info"))  # pyright: ignore[reportArgumentType]
+        own = tuple(getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in (*self.parameter_fields(), "info"))
         record_tables = tuple(
             (records.series, records.rows.shape[-1], records.rows.dtype.name, records.first is None, records.low is None)
             for records in self.record_tables
@@ -139,7 +140,7 @@ def _pooled(tables: Sequence[Table]) -> TablePool:
             parts[name] = tuple(concatenated(record_tables) for record_tables in zip(*values, strict=True))
         else:
             parts[name] = concatenated_arrays(values) if name in first.by_record else stacked_arrays(values)
-    return TablePool(first.replace(**parts), tuple(table.info for table in tables))  # pyright: ignore[reportCallIssue]
+    return TablePool(first.replace(**parts), tuple(table.info for table in tables))
 
 
 def _recast_pairs(values: Any, dtype: Any) -> Any:
@@ -178,6 +179,6 @@ def checked_order(order: int) -> int:
 
 def two_parts(time: Any) -> tuple[Any, Any]:
     """Return the parts of an ``Epoch``; plain seconds keep what one number cannot hold, and nothing else is taken (FrameError)."""
-    if hasattr(time, "hi"):
+    if isinstance(time, Epoch):
         return time.hi, time.lo
     return seconds.two_parts(time, None, EPOCH)

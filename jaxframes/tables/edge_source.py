@@ -10,6 +10,7 @@ from jaxframes.tables.fixed import FixedFrame
 from jaxframes.tables.info import Info
 from jaxframes.tables.naif_ids import CENTERS, INERTIAL, J2000, body_named, name_of, same_as_j2000
 from jaxframes.tables.placing import EdgeSource
+from jaxframes.tables.table_edge import TableEdge
 
 
 class TableSource(EdgeSource):
@@ -23,7 +24,7 @@ class TableSource(EdgeSource):
     def __init__(self, tables: Mapping[str, Any] | Iterable[Any]):
         """Take tables by name, or one after the other."""
         held = list(tables.values()) if isinstance(tables, Mapping) else list(tables)
-        strange = [t for t in held if not hasattr(t, "info")]
+        strange = [t for t in held if not isinstance(t, TableEdge)]
         if strange:
             raise EdgeError(f"add_spice takes jf.spice.Kernels or tables, found a {type(strange[0]).__name__}")
         self._translations = [t for t in held if t.info.kind == "translation" and t.info.axes not in INERTIAL[1:]]

@@ -106,7 +106,7 @@ def recast(hi: Any, lo: Any, dtype: Any) -> tuple[jax.Array, jax.Array]:
 def coverage_code(run: Run, hi: jax.Array, lo: jax.Array) -> jax.Array:
     """Return -1 before the coverage, 0 inside and +1 after it (int32 [...]); -1 for an epoch that is NaN."""
     hi, lo = jnp.asarray(hi), jnp.asarray(lo)
-    since, until = _margins(run, *_local(run, hi, lo))
+    since, until = margins(run, *since_reference(run, hi, lo))
     after = (until < 0) | (hi == np.inf)  # an infinity has no second part: the margins of one are NaN
     return jnp.where(after, 1, jnp.where(since >= 0, 0, -1)).astype(jnp.int32)
 
@@ -223,13 +223,13 @@ def _with_columns(out: jax.Array, columns: Sequence[jax.Array], at: jax.Array) -
     return out
 
 
-def _local(run: Run, hi: jax.Array, lo: jax.Array) -> tuple[jax.Array, jax.Array]:
+def since_reference(run: Run, hi: jax.Array, lo: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Return the time past the reference epoch in two parts; nothing is lost."""
     dt_hi, error = two_sum(hi, -run.reference[0])
     return dt_hi, error + (lo - run.reference[1])
 
 
-def _margins(run: Run, dt_hi: jax.Array, dt_lo: jax.Array) -> tuple[jax.Array, jax.Array]:
+def margins(run: Run, dt_hi: jax.Array, dt_lo: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Return the time since the start and until the stop; their signs are right to the last bit."""
     start_hi, start_lo, stop_hi, stop_lo = (run.span[i] for i in range(4))
     return (dt_hi - start_hi) + (dt_lo - start_lo), (stop_hi - dt_hi) + (stop_lo - dt_lo)
@@ -240,8 +240,8 @@ def _components(order: int, run: Run, hi: jax.Array, lo: jax.Array, tangents: Se
 
     With tangents of the record tables' rows, the values are linear in these: they take the coefficients' place, None counting as zero.
     """
-    dt_hi, dt_lo = _local(run, hi, lo)
-    since, until = _margins(run, dt_hi, dt_lo)
+    dt_hi, dt_lo = since_reference(run, hi, lo)
+    since, until = margins(run, dt_hi, dt_lo)
     # Added to the argument, not selected afterwards: so the NaN is in every derivative too.
     outside = select((since >= 0) & (until >= 0), np.zeros((), hi.dtype), np.array(np.nan, hi.dtype))
     used = [(records, records.rows) for records in run.record_tables] if tangents is None else zip(run.record_tables, tangents, strict=True)

@@ -7,16 +7,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.edges.base import family
+from jaxframes.edges.family import family
 from jaxframes.edges.fixed import Fixed
-from jaxframes.spatial import Rotation, Transform
+from jaxframes.spatial import Epoch, Rotation, Transform
 from jaxframes.staging.arrays import default_float
 from jaxframes.tables.base import checked_order
 from jaxframes.tables.info import Info
+from jaxframes.tables.table_edge import TableEdge
 
 
 @family(static=("info",))
-class FixedFrame(Fixed):
+class FixedFrame(Fixed, TableEdge):
     """A frame of SPICE at a constant rotation from another: ``jf.edges.Fixed`` that can be saved and placed by its names and ids.
 
     Made by ``Kernels.orientation`` or ``jf.spice.load``.
@@ -44,7 +45,7 @@ class FixedFrame(Fixed):
             time: An ``Epoch`` [...], or seconds past J2000 TDB [...].
             order: 0, 1 or 2; the first ``order + 1`` of the three are returned.
         """
-        shape = time.shape if hasattr(time, "hi") else np.shape(time)
+        shape = time.shape if isinstance(time, Epoch) else np.shape(time)
         wxyz = jnp.broadcast_to(self.transform.rotation.wxyz, (*shape, 4))
         return (wxyz, *[jnp.zeros((*shape, 3), wxyz.dtype)] * checked_order(order))
 

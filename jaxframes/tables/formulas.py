@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from jaxframes.numerics.components import V3, Component, Quat, add, add_all, cross, dot, mul, neg, quat_mul, rotate
-from jaxframes.numerics.steps import Coordinate, Step, Turn
+from jaxframes.numerics.steps import Coordinate, RotationStep, Step
 
 CENTURY = 36525 * 86400.0
 """Seconds of a Julian century."""
@@ -87,7 +87,7 @@ def euler_steps(placement: Quat, angles: tuple[V3, ...]) -> tuple[Step, ...]:
     """Return the three rotations that Euler angles (phi, theta, psi) with their derivatives stand for: about z, x and z."""
     phi, theta, psi = (Coordinate(*parts) for parts in zip(*angles, strict=True))
     x, z = V3(1.0, 0.0, 0.0), V3(0.0, 0.0, 1.0)
-    return Turn(z, phi, rotation=placement), Turn(x, theta), Turn(z, psi)
+    return RotationStep(z, phi, rotation=placement), RotationStep(x, theta), RotationStep(z, psi)
 
 
 def knot_motion(row: Any, u: Any, mode: str, given: Functions) -> list[Any]:

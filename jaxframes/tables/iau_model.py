@@ -7,7 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.edges.base import Edge, Inputs, family
+from jaxframes.edges.base import Inputs
+from jaxframes.edges.family import family
 from jaxframes.errors import MissingInputError
 from jaxframes.numerics.components import V3, Component, Quat
 from jaxframes.numerics.packed import Kind
@@ -23,12 +24,13 @@ from jaxframes.tables.formulas import euler_steps, model_angles
 from jaxframes.tables.info import Info
 from jaxframes.tables.instants import split
 from jaxframes.tables.orientation import attitude_of
+from jaxframes.tables.table_edge import TableEdge
 
 PAIRED = ("polynomials", "phases", "reference")
 
 
 @family(static=("info",))
-class IauOrientation(Edge):
+class IauOrientation(TableEdge):
     """How a body-fixed frame is turned relative to an inertial one, by the analytic model of a text PCK: at every instant, without end.
 
     Made by ``Kernels.orientation`` or ``jf.spice.load``. Right ascension and declination of the pole and the angle of the prime
@@ -56,7 +58,7 @@ class IauOrientation(Edge):
         >>> wxyz, angular_velocity, angular_acceleration = mars.evaluate(jf.Epoch.from_tdb("2026-03-01"))
     """
 
-    stacks: ClassVar[bool] = False
+    stackable: ClassVar[bool] = False
     needs_time: ClassVar[bool] = True
     polynomials: jax.Array
     phases: jax.Array
@@ -122,7 +124,7 @@ class IauOrientation(Edge):
         for name in PAIRED:
             made[name] = np.stack(split(arrays[name][..., 0], arrays[name][..., 1], dtype), -1)
         fields: dict[str, Any] = {name: jnp.asarray(array) for name, array in made.items()}
-        return cls(**fields, **{"info": info})
+        return cls(**fields, info=info)
 
     def _angles(self, hi: Component, lo: Component, order: int) -> list[Component]:
         """Return phi, theta and psi, then their first and second derivatives, rad and seconds."""

@@ -5,7 +5,8 @@ from typing import Any
 
 import jax
 
-from jaxframes.edges.base import Inputs, family
+from jaxframes.edges.base import Inputs
+from jaxframes.edges.family import family
 from jaxframes.numerics.components import Quat
 from jaxframes.numerics.packed import Kind, Packed
 from jaxframes.numerics.path_motion import extend, steps_at_hand

@@ -12,6 +12,7 @@ from jaxframes.errors import CoverageError, DuplicateNameError, NoPathError, Unk
 from jaxframes.tables.info import Info
 from jaxframes.tables.instants import span_text
 from jaxframes.tables.naif_ids import INERTIAL, J2000, body_named, labelled, name_of
+from jaxframes.tables.table_edge import TableEdge
 
 DEFAULT_FRAME = 999999
 """Asks for the default frame of a body, as None does; as a number or as text."""
@@ -134,7 +135,7 @@ def _check_span(builder: TreeInMaking, source: EdgeSource, name: str) -> None:
     at: str | None = name
     while at is not None:
         parent, edge = held[at]
-        info = getattr(edge, "info", None)
+        info = edge.info if isinstance(edge, TableEdge) else None
         if info is not None and info.start:
             have = Fraction(info.start), Fraction(info.stop)
             low, high = (end if asked is None else asked for asked, end in zip(source.asked, have, strict=True))
@@ -192,7 +193,7 @@ def spice_ids(builder: TreeInMaking, source: EdgeSource) -> dict[str, Key]:
         if BODY in facts and FRAME in facts:
             found[name] = int(facts[BODY]), int(facts[FRAME])
     for name, parent, edge, _ in frames:
-        info = getattr(edge, "info", None)
+        info = edge.info if isinstance(edge, TableEdge) else None
         if parent is None or info is None or info.kind != "translation" or info.axes not in INERTIAL:
             continue
         axes = INERTIAL.index(info.axes) + 1
@@ -202,7 +203,7 @@ def spice_ids(builder: TreeInMaking, source: EdgeSource) -> dict[str, Key]:
         with contextlib.suppress(NoPathError, UnknownBodyError):
             found[builder.root] = source.body(builder.root)[0], J2000
     for name, parent, edge, _ in frames:
-        info = getattr(edge, "info", None)
+        info = edge.info if isinstance(edge, TableEdge) else None
         if name in found or parent not in found or info is None or info.kind == "translation":
             continue
         if found[parent][1] == info.relative_id:
@@ -217,7 +218,7 @@ def misplaced(frames: Iterable[tuple[str, str | None, Edge | None, Mapping[str, 
         frames: (name, parent, edge, properties) of each frame. A frame whose property ``spice_check`` is False is left out.
     """
     held = list(frames)
-    tables: dict[str, Info] = {name: info for name, _, edge, _ in held if (info := getattr(edge, "info", None)) is not None}
+    tables: dict[str, Info] = {name: edge.info for name, _, edge, _ in held if isinstance(edge, TableEdge)}
     known: dict[str, tuple[int | None, int | None, str]] = {}
     for name, parent, _, facts in held if tables else ():
         if BODY in facts:

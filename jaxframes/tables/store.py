@@ -55,6 +55,8 @@ KINDS = {
     "iau": Kind(IauOrientation),
     "fixed": Kind(FixedFrame),
 }
+STORABLE = tuple(kind.table for kind in KINDS.values())
+"""Everything that a table file can hold."""
 MODELS = (IauOrientation, FixedFrame)
 """Edges that hold at every instant and store themselves."""
 STAMP = (1980, 1, 1, 0, 0, 0)
@@ -71,7 +73,7 @@ def save(path: str | os.PathLike[str], tables: Mapping[str, Storable]) -> None:
     Raises:
         TableError: If something is no table, or the file cannot be written.
     """
-    content = _archive(tables)
+    content = to_bytes(tables)
     target = Path(path)
     try:
         descriptor, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
@@ -104,6 +106,12 @@ def load(path: str | os.PathLike[str]) -> dict[str, Any]:
         return {name: _table(archive, name, entry) for name, entry in entries.items()}
 
 
+def from_bytes(content: bytes, label: str) -> dict[str, Any]:
+    """Read tables from the content of a table file, which messages call by a label; otherwise as ``load``."""
+    with _entries(content, label) as (archive, entries):
+        return {name: _table(archive, name, entry) for name, entry in entries.items()}
+
+
 @contextlib.contextmanager
 def open_archive(target: Path) -> Iterator[tuple[zipfile.ZipFile, dict[str, Any]]]:
     """Open a table file for reading: its archive, and what its metadata say of each table.
@@ -112,35 +120,34 @@ def open_archive(target: Path) -> Iterator[tuple[zipfile.ZipFile, dict[str, Any]
         TableError: If the file is missing, is no table file, is truncated or altered, has an unknown schema, or what is read from it
             is not what that schema says.
     """
-    content = _read_checked(target)
+    with _entries(_content_of(target), str(target)) as found:
+        yield found
+
+
+@contextlib.contextmanager
+def _entries(content: bytes, label: str) -> Iterator[tuple[zipfile.ZipFile, dict[str, Any]]]:
+    """Open the content of a table file, as ``opened`` does."""
+    _check(label, content)
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            yield archive, _read_metadata(target, archive)["tables"]
+            yield archive, _read_metadata(label, archive)["tables"]
     except FrameError:
         raise
     except Exception as error:
-        raise TableError(
-            f"{target} does not hold what its schema says ({type(error).__name__}: {error}). Make the tables again."
-        ) from error
+        raise TableError(f"{label} does not hold what its schema says ({type(error).__name__}: {error}). Make the tables again.") from error
 
 
-def _read_checked(target: Path) -> bytes:
-    """Return the bytes of a table file, its checksum compared.
-
-    Raises:
-        TableError: If it is missing, is no table file, is truncated or altered.
-    """
+def _content_of(target: Path) -> bytes:
+    """Return the bytes of a file (TableError if it cannot be read)."""
     try:
-        content = target.read_bytes()
+        return target.read_bytes()
     except FileNotFoundError as error:
         raise TableError(f"There is no table file {target}.") from error
     except OSError as error:
         raise TableError(f"{target} cannot be read: {error.strerror}.") from error
-    _check(target, content)
-    return content
 
 
-def _read_metadata(target: Path, archive: zipfile.ZipFile) -> dict[str, Any]:
+def _read_metadata(label: str, archive: zipfile.ZipFile) -> dict[str, Any]:
     """Return the JSON part of a table file.
 
     Raises:
@@ -149,28 +156,29 @@ def _read_metadata(target: Path, archive: zipfile.ZipFile) -> dict[str, Any]:
     metadata = json.loads(archive.read("metadata.json"))
     if metadata.get("schema") != SCHEMA:
         raise TableError(
-            f"{target} has schema {metadata.get('schema')!r}; this version of jaxframes reads schema {SCHEMA} alone. "
+            f"{label} has schema {metadata.get('schema')!r}; this version of jaxframes reads schema {SCHEMA} alone. "
             "Make the tables again with this version, or use the one that wrote them."
         )
     return metadata
 
 
-def _check(target: Path, content: bytes) -> None:
+def _check(label: str, content: bytes) -> None:
     if not content.startswith(b"PK"):
-        raise TableError(f"{target} is not a table file: it does not start as a .npz file does. Write tables with jf.spice.save.")
+        raise TableError(f"{label} is not a table file: it does not start as a .npz file does. Write tables with jf.spice.save.")
     body, digest = content[:-64], content[-64:]
     if not body.endswith(MARK) or hashlib.sha256(body).hexdigest().encode() != digest:
         raise TableError(
-            f"{target} is truncated, was altered, or was not written by jf.spice.save: its checksum does not match. Make the tables again."
+            f"{label} is truncated, was altered, or was not written by jf.spice.save: its checksum does not match. Make the tables again."
         )
 
 
-def _archive(tables: Mapping[str, Storable]) -> bytes:
+def to_bytes(tables: Mapping[str, Storable]) -> bytes:
+    """Return the content of a table file (TableError if something is no table)."""
     metadata: dict[str, Any] = {**HEADER, "schema": SCHEMA, "tables": {}}
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for number, (name, table) in enumerate(tables.items()):
-            if not isinstance(table, tuple(kind.table for kind in KINDS.values())):
+            if not isinstance(table, STORABLE):
                 raise TableError(f"{name!r} is a {type(table).__name__}, not a table of jf.spice.Kernels: only tables are saved.")
             metadata["tables"][str(name)] = _write_table(archive, f"table{number}", table)
         archive.writestr(zipfile.ZipInfo("metadata.json", STAMP), json.dumps(metadata, indent=1), zipfile.ZIP_DEFLATED)

@@ -6,7 +6,8 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxframes.edges.base import Inputs, family
+from jaxframes.edges.base import Inputs
+from jaxframes.edges.family import family
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
 from jaxframes.tables import evaluate, two_part_position

@@ -23,7 +23,7 @@ def position(run: Run, hi: Any, lo: Any) -> Pair:
     hi, lo = evaluate.recast(hi, lo, run.record_tables[0].rows.dtype)
 
     def work(run: Run, hi: jax.Array, lo: jax.Array) -> Pair:
-        dt = evaluate._local(run, hi, lo)
+        dt = evaluate.since_reference(run, hi, lo)
         totals = [
             functools.reduce(two_part.add, parts) for parts in zip(*(_values(records, *dt) for records in run.record_tables), strict=True)
         ]

@@ -12,12 +12,12 @@ import numpy as np
 
 from jaxframes.errors import FrameError
 from jaxframes.numerics.batch import tag
-from jaxframes.numerics.two_part import fast_two_sum, two_sum
+from jaxframes.numerics.two_part import two_sum
 from jaxframes.staging.arrays import default_float, is_concrete
 from jaxframes.time import calendar, epoch_ranges
 from jaxframes.time.calendar import tdb_seconds
 from jaxframes.time.scales import SHIPPED_LEAP_SECONDS, LeapSeconds
-from jaxframes.time.seconds import Ordered, batch, same_rank, split, split_exact, two_parts
+from jaxframes.time.seconds import Ordered, batch, moved, same_rank, split, split_exact, two_parts
 
 EPOCH = "an epoch is seconds past J2000 TDB (for a date use Epoch.from_tdb, from_utc or from_datetime)"
 DURATION = "a duration is seconds, a timedelta or a timedelta64"
@@ -216,12 +216,7 @@ class Epoch(Ordered):
         """
         if isinstance(seconds, Epoch):
             raise FrameError("two epochs cannot be added; add a duration in seconds, or subtract the epochs")
-        return self._moved(*two_parts(seconds, self.hi.dtype, DURATION))
-
-    def _moved(self, coarse: jax.Array, fine: jax.Array) -> "Epoch":
-        hi, error = two_sum(*same_rank(self.hi, coarse))
-        low, rest = same_rank(*same_rank(hi, self.lo)[1:], fine)
-        return Epoch(*fast_two_sum(hi, error + (low + rest)))
+        return Epoch(*moved(self.hi, self.lo, *two_parts(seconds, self.hi.dtype, DURATION)))
 
     __radd__ = __add__
 
@@ -229,7 +224,7 @@ class Epoch(Ordered):
         """Return the duration since another epoch in seconds [...], or the epoch a duration earlier."""
         if not isinstance(other, Epoch):
             coarse, fine = two_parts(other, self.hi.dtype, DURATION)
-            return self._moved(-coarse, -fine)
+            return Epoch(*moved(self.hi, self.lo, -coarse, -fine))
         a, b = same_rank(self.hi, other.hi)
         c, d = same_rank(self.lo, other.lo)
         s, e = two_sum(a, -b)

@@ -34,7 +34,9 @@ def linspace(start: Any, stop: Any, num: int, endpoint: bool) -> Any:
     i = jnp.broadcast_to(count.astype(dtype), (num, *shape))
     step, rest = (jnp.broadcast_to(x, (num, *shape)) for x in (step, rest))
     moved, error = two_product(i, step)
-    made = start.broadcast_to((num, *shape))._moved(moved, error + i * rest)
+    first = start.broadcast_to((num, *shape))
+    hi, lo = seconds.moved(first.hi, first.lo, moved, error + i * rest)
+    made = first.replace(hi=hi, lo=lo)
     if not endpoint or num < 2:
         return made
     last = jnp.broadcast_to(count == gaps, (num, *shape))
@@ -55,7 +57,8 @@ def arange(start: Any, stop: Any, step: Any) -> Any:
     i = np.arange(int(count), dtype=np.float64)
     moved, error = seconds.product(i, high)
     hi, lo = seconds.split(moved, error + i * low, start.hi.dtype)
-    return start._moved(jnp.asarray(hi), jnp.asarray(lo))
+    hi, lo = seconds.moved(start.hi, start.lo, jnp.asarray(hi), jnp.asarray(lo))
+    return start.replace(hi=hi, lo=lo)
 
 
 def _exact(epoch: Any) -> Fraction:

@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxframes.errors import FrameError
 from jaxframes.numerics.batch import Batched
-from jaxframes.numerics.two_part import two_sum
+from jaxframes.numerics.two_part import fast_two_sum, two_sum
 from jaxframes.staging.arrays import as_float, common_float, default_float, is_concrete
 
 Pair: TypeAlias = tuple[np.ndarray, np.ndarray]
@@ -107,6 +107,13 @@ def split(high: np.ndarray, low: np.ndarray, dtype: Any) -> Pair:
         first = (high + low).astype(dtype)
         rest = (high - first.astype(np.float64)) + low
     return first, np.where(np.isinf(first), 0.0, rest).astype(dtype)
+
+
+def moved(hi: jax.Array, lo: jax.Array, coarse: jax.Array, fine: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Return an instant (hi, lo) a duration (coarse, fine) later, in two parts."""
+    hi, error = two_sum(*same_rank(hi, coarse))
+    low, rest = same_rank(*same_rank(hi, lo)[1:], fine)
+    return fast_two_sum(hi, error + (low + rest))
 
 
 def same_rank(a: jax.Array, b: jax.Array) -> tuple[jax.Array, jax.Array]:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from jaxframes.edges.base import Edge
+from jaxframes.edges.family import is_family
 from jaxframes.edges.fixed import Fixed
 from jaxframes.errors import DuplicateNameError, EdgeError, FrameWarning, TopologyError, UnknownFrameError, UnknownJointError, suggest
 from jaxframes.model.compile import Declared, compile_frames
@@ -139,6 +140,8 @@ class TreeBuilder:
             )
         if not isinstance(edge, Edge):
             raise EdgeError(f"frame {name!r}: edge must be one of jf.edges or a table, found {type(edge).__name__}: {edge!r}")
+        if not is_family(type(edge)):
+            raise EdgeError(f"frame {name!r}: {type(edge).__name__} is no edge family yet; decorate the class with @jf.edges.family()")
         frozen = freeze(properties or {}, f"frame {name!r}")
         if edge.nq or edge.follows is not None or joint is not None:
             self._declared.edge_names[name] = self._free_joint(name if joint is None else joint, name)
@@ -189,6 +192,8 @@ class TreeBuilder:
             self._declared.properties[name] = frozen
 
     def _free_joint(self, joint: str, frame: str) -> str:
+        if not isinstance(joint, str) or not joint:
+            raise EdgeError(f"frame {frame!r}: joint= takes text that is not empty, found {joint!r}")
         if self._above is None:
             self._above = {joint: other for other, joint in self._declared.edge_names.items()}
         if joint in self._above:

@@ -9,9 +9,10 @@ import numpy as np
 from jaxframes.model.attachment_graph import hangs_on
 from jaxframes.model.state import State
 from jaxframes.tables.placing import misplaced
+from jaxframes.tree.states import States
 
 
-def check(tree: Any, state: State) -> tuple[str, ...]:
+def check(tree: States, state: State) -> tuple[str, ...]:
     """Return one sentence for each thing that is wrong."""
     frames = ((name, tree.parent(name) if name != tree.root else None, tree.edges.get(name), tree.properties[name]) for name in tree.names)
     return (
@@ -43,7 +44,7 @@ def _norm_off(wxyz: Any) -> Any:
     return np.abs(np.linalg.norm(wxyz.astype(np.float64), axis=-1) - 1) > 64 * np.finfo(wxyz.dtype).eps
 
 
-def _edges(tree: Any) -> Iterator[str]:
+def _edges(tree: States) -> Iterator[str]:
     for name, edge in tree.edges.items():
         about = f"frame {name!r}: a parameter of its edge ({edge.describe()})"
         for path, leaf in jax.tree_util.tree_flatten_with_path(edge.checkable())[0]:
@@ -60,7 +61,7 @@ def _edges(tree: Any) -> Iterator[str]:
                 yield f"{about} is a quaternion of norm {norm:.6g}; queries read it at norm 1"
 
 
-def _joints(tree: Any, state: State) -> Iterator[str]:
+def _joints(tree: States, state: State) -> Iterator[str]:
     topology = tree.topology
     for joint, frame in zip(topology.joint_names, topology.joint_frames, strict=True):
         first_q, nq, first_v, nv = topology.coordinates[frame]
@@ -83,7 +84,7 @@ def _joints(tree: Any, state: State) -> Iterator[str]:
             yield f"joint {joint!r}: its quaternion is zero{_where(nothing)}; start from tree.neutral()"
 
 
-def _prescribed(tree: Any, state: State) -> Iterator[str]:
+def _prescribed(tree: States, state: State) -> Iterator[str]:
     rows = [(frame, row, state.prescribed) for frame, row in enumerate(tree.topology.prescribed) if row >= 0]
     if state.attachments is not None:
         rows += [(frame, row, state.attachments.motion) for row, frame in enumerate(tree.topology.attachables)]
@@ -99,7 +100,7 @@ def _prescribed(tree: Any, state: State) -> Iterator[str]:
             yield f"frame {name!r}: the quaternion of its pose in the state is not unit{_where(_norm_off(wxyz))}; normalise it"
 
 
-def _attachments(tree: Any, state: State) -> Iterator[str]:
+def _attachments(tree: States, state: State) -> Iterator[str]:
     if state.attachments is None:
         if tree.topology.attachables:
             yield "the state holds no attachments, so it is not one of this tree; make it with this tree.state(...)"
@@ -115,7 +116,7 @@ def _attachments(tree: Any, state: State) -> Iterator[str]:
             yield f"frame {name!r}: it hangs on itself, a cycle through {tree.names[int(hung_on[loop].reshape(-1)[0])]!r}{_where(loop)}"
 
 
-def _times(tree: Any, state: State) -> Iterator[str]:
+def _times(tree: States, state: State) -> Iterator[str]:
     timed = [name for name, edge in tree.edges.items() if edge.needs_time]
     if not timed:
         return

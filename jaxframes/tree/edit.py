@@ -9,8 +9,6 @@ import numpy as np
 from jaxframes.edges.attachable import Attachable
 from jaxframes.edges.base import Edge
 from jaxframes.edges.fixed import Fixed
-from jaxframes.edges.joint import Joint
-from jaxframes.edges.mimic import Mimic
 from jaxframes.errors import EdgeError, FrameError, TopologyError
 from jaxframes.kinematics import queries
 from jaxframes.model.compile import Declared, compile_frames
@@ -78,7 +76,7 @@ def reattached(tree: Tree, state: State, frame: str, to: str, keep: str) -> Tree
     if keep == "world":
         edge = _moved(tree, edge, frame, to, state)
     elif isinstance(edge, Attachable):
-        edge = Fixed(_pose(tree, state, frame, tree.parent(frame, state)))
+        edge = Fixed(_pose(tree, state, frame, tree.parent_name(frame, state)))
     changed = Declared.of(tree)
     changed.parents[frame], changed.edges[frame] = to, edge
     return _compiled(tree, changed.part([*(name for name in tree.names if name not in below), *below]))
@@ -88,9 +86,10 @@ def _moved(tree: Parameters, edge: Edge, frame: str, to: str, state: State) -> E
     """Return the edge that gives a frame the same pose in the world when it hangs on another one."""
     if isinstance(edge, (Fixed, Attachable)):
         return Fixed(_pose(tree, state, frame, to))
-    if not isinstance(edge, (Joint, Mimic)):
+    moved = edge.preceded_by(_pose(tree, state, tree.parent(frame), to))
+    if moved is None:
         raise EdgeError(f"frame {frame!r} hangs on {edge.describe()}, which cannot keep its pose elsewhere; use keep='relative'")
-    return edge.replace(placement=_pose(tree, state, tree.parent(frame), to) @ edge.placement)
+    return moved
 
 
 def _pose(tree: Parameters, state: State, of: str, relative_to: str) -> Transform:

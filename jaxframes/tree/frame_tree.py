@@ -296,12 +296,12 @@ class FrameTree(States):
         path = path_in_state(self, state, of, relative_to)
         frames = [relative_to]
         for name, direction in path:
-            frames.append(name if direction > 0 else self.parent(name, state))
+            frames.append(name if direction > 0 else self.parent_name(name, state))
         accelerates = all(self.edge(name).supports_accelerations for name, _ in path)
         names = {"of": of, "relative_to": relative_to}
         return {
             **names,
-            "parent": None if of == self.root else self.parent(of, state),
+            "parent": None if of == self.root else self.parent_name(of, state),
             "path": path,
             "frames": tuple(frames),
             "oriented": all(direction > 0 for _, direction in path),

@@ -82,7 +82,7 @@ class States(JointSpace):
         follows = hangs_on(self.topology, parents, self.topology.index(observer), self.topology.index(name))
         if is_concrete(follows) and np.any(follows):
             raise TopologyError(f"cannot place {name!r} relative to {observer!r}, which hangs on it and moves along; name another frame")
-        pose = queries.between(self, state, observer, self.parent(name, state), order=0).transform @ transform
+        pose = queries.between(self, state, observer, self.parent_name(name, state), order=0).transform @ transform
         if not is_concrete(follows):
             pose = jax.tree.map(lambda leaf: jnp.where(follows[..., None], jnp.nan, leaf), pose)
         return self.set_motion(state, name, pose)
@@ -160,7 +160,8 @@ class States(JointSpace):
         held = self.attachments_in(state)
         target = self.topology.index(to) if isinstance(to, str) else to
         if not np.issubdtype(jnp.result_type(target), np.integer):
-            raise ShapeError(f"attach {frame!r} to a frame's name or to frame indices (integers), found {target!r}")
+            found = f"an array of {jnp.result_type(target)}{list(np.shape(target))}" if np.ndim(target) else repr(target)
+            raise ShapeError(f"attach {frame!r} to a frame's name or to frame indices (integers), found {found}")
         known = not isinstance(target, jax.Array) or is_concrete(target)
         if known:
             check_target(self.topology, held, index, np.asarray(target))

@@ -1,13 +1,15 @@
 """A tree as text: one line a frame, and the edges of a path."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from jaxframes.errors import TopologyError
+from jaxframes.kinematics import queries
 from jaxframes.kinematics.plan import along_path
 from jaxframes.model.state import State
+from jaxframes.tree.check import check
+from jaxframes.tree.states import States
 
 
 @dataclass(frozen=True)
@@ -29,10 +31,10 @@ class DumpOptions:
     depth: bool = False
 
 
-def format_tree(tree: Any, options: DumpOptions, state: State | None) -> str:
+def format_tree(tree: States, options: DumpOptions, state: State | None) -> str:
     """Return the tree as text."""
     topology = tree.topology
-    wrong = tree.check(state) if options.health and state is not None else ()
+    wrong = check(tree, state) if options.health and state is not None else ()
     place = {name: i for i, name in enumerate(topology.names)}
     lines, ahead = [], [(0, "", "")]
     while ahead:
@@ -45,7 +47,7 @@ def format_tree(tree: Any, options: DumpOptions, state: State | None) -> str:
     return "\n".join(lines)
 
 
-def _line(tree: Any, frame: int, options: DumpOptions, state: State | None, wrong: tuple[str, ...]) -> str:
+def _line(tree: States, frame: int, options: DumpOptions, state: State | None, wrong: tuple[str, ...]) -> str:
     topology = tree.topology
     name = topology.names[frame]
     text = f"{frame}: {name}" if options.id else name
@@ -66,17 +68,17 @@ def _line(tree: Any, frame: int, options: DumpOptions, state: State | None, wron
     return f"{text}  [{'; '.join(facts)}]" if facts else text
 
 
-def _joint_name(tree: Any, frame: int) -> str | None:
+def _joint_name(tree: States, frame: int) -> str | None:
     return tree.topology.edge_names[frame]
 
 
-def _joint_text(tree: Any, frame: int) -> str:
+def _joint_text(tree: States, frame: int) -> str:
     joint = _joint_name(tree, frame)
     return "" if joint in (None, tree.topology.names[frame]) else f", joint {joint!r}"
 
 
-def _pose_text(tree: Any, state: State, name: str) -> str:
-    pose = tree.transform(state, of=name, relative_to=tree.parent(name, state))
+def _pose_text(tree: States, state: State, name: str) -> str:
+    pose = queries.between(tree, state, name, tree.parent_name(name, state), order=0).transform
     if pose.translation.ndim != 1:
         return f"batch {pose.translation.shape[:-1]}"
     w, x, y, z = np.asarray(pose.rotation.wxyz)
@@ -84,13 +86,13 @@ def _pose_text(tree: Any, state: State, name: str) -> str:
     return f"at ({px:.6g}, {py:.6g}, {pz:.6g}) m, wxyz ({w:.4f}, {x:.4f}, {y:.4f}, {z:.4f})"
 
 
-def path_in_state(tree: Any, state: State | None, of: str, relative_to: str) -> tuple[tuple[str, int], ...]:
+def path_in_state(tree: States, state: State | None, of: str, relative_to: str) -> tuple[tuple[str, int], ...]:
     """Return the path between two frames as attachable frames hang in a state: (edge, +1 down or -1 up) from ``relative_to``."""
 
     def line(name: str) -> list[str]:
         names = [name]
         while names[-1] != tree.root:
-            names.append(tree.parent(names[-1], state))
+            names.append(tree.parent_name(names[-1], state))
             if len(names) > len(tree.names):
                 raise TopologyError(
                     f"frame {name!r} hangs on a cycle in this state: {' -> '.join(names[:6])} ...; tree.check(state) says where"
@@ -104,7 +106,7 @@ def path_in_state(tree: Any, state: State | None, of: str, relative_to: str) -> 
     return (*((name, -1) for name in up), *((name, 1) for name in reversed(down)))
 
 
-def explain(tree: Any, of: str, relative_to: str, state: State | None) -> str:
+def explain(tree: States, of: str, relative_to: str, state: State | None) -> str:
     """Return text about the path of a query."""
     topology = tree.topology
     crossing = topology.static_components[topology.index(of)] != topology.static_components[topology.index(relative_to)]
@@ -114,7 +116,7 @@ def explain(tree: Any, of: str, relative_to: str, state: State | None) -> str:
         return f"{relative_to} -> {of}: the path is data in the state (links composed by pointer doubling): {where}"
     path = path_in_state(tree, state, of, relative_to)
     up = [name for name, direction in path if direction < 0]
-    meet = tree.parent(up[-1], state) if up else relative_to
+    meet = tree.parent_name(up[-1], state) if up else relative_to
     down = [topology.index(name) for name, direction in path if direction > 0]
     way = (
         "static parts one after another, links by pointer doubling"
@@ -131,7 +133,7 @@ def explain(tree: Any, of: str, relative_to: str, state: State | None) -> str:
             + ["time"] * edge.needs_time
             + ["prescribed motion"] * edge.is_prescribed
         )
-        above = tree.parent(name, state)
+        above = tree.parent_name(name, state)
         arrow = f"{above} -> {name}" if direction > 0 else f"{name} -> {above}"
         without = "" if edge.supports_accelerations else "; no accelerations"
         rows.append(f"  {direction:+d}  {arrow}  [{edge.describe()}; needs {', '.join(needs) or 'nothing'}{without}]")

@@ -125,3 +125,26 @@ def test_without_mujoco_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(errors.MissingExtraError, match=r"jaxframes\[mujoco\]"):
         jf.load_mjcf(MODEL)
+
+
+def test_names_that_are_made_up_are_none_that_the_model_has(dtype):
+    two = '<joint name="{}" axis="1 0 0"/><joint {} axis="0 1 0"/><geom size="0.1"/>'
+    text = f"""<mujoco><worldbody>
+      <body>{two.format("a", "")}
+        <body name="body_1" pos="0 0 1"><joint name="joint_1" axis="1 0 0"/><geom size="0.1"/><site name="body_1/a"/></body>
+        <body name="s" pos="0 1 0">{two.format("a2", 'name="b2"')}<site/><site name="site_1"/></body>
+        <body name="s/a2" pos="1 1 0"><geom size="0.1"/></body>
+      </body>
+    </worldbody></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(text)
+    tree = jf.load_mjcf(model)
+    assert len(set(tree.names)) == len(tree.names)
+    assert tree.joint_names == ("a", "joint_1_", "joint_1", "a2", "b2")
+    assert {"body_1", "body_1_", "s", "s/a2", "s/a2_", "site_1", "site_1_"} <= set(tree.names)
+    data, q = mujoco.MjData(model), np.linspace(-0.8, 0.9, model.nq)
+    data.qpos[:] = q
+    mujoco.mj_forward(model, data)
+    for i, name in ((1, "body_1_"), (2, "body_1"), (3, "s"), (4, "s/a2")):
+        pose = tree.transform(tree.state(q=q.astype(dtype)), of=name, relative_to="world")
+        np.testing.assert_allclose(pose.translation, data.xpos[i], atol=1e-5)
+        np.testing.assert_allclose(pose.rotation.to_matrix().reshape(-1), data.xmat[i], atol=1e-5)
