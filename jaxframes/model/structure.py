@@ -20,7 +20,7 @@ class Structure(ABC):
     """What hangs on what, by name. Every name that is not in the tree is an UnknownFrameError.
 
     Without a state, attachable frames count as hanging on the parent that they were declared on; ``path`` and ``common_ancestor`` refuse
-    to cross them, because what they hang on is data in a state. How a tree keeps its numbers is left to its subclasses.
+    to cross them then, because what they hang on is data in a state. How a tree keeps its numbers is left to its subclasses.
     """
 
     topology: Topology
@@ -197,32 +197,96 @@ class Structure(ABC):
     def _name_of(self, index: int) -> str:
         return self.names[index] if 0 <= index < len(self.names) else f"no frame: {index}"
 
-    def depth(self, name: str) -> int:
-        """Return the number of edges between the root and a frame."""
-        return self.topology.depths[self.topology.index(name)]
+    def depth(self, name: str, state: State | None = None) -> int:
+        """Return the number of edges between the root and a frame; with a state, as attachable frames hang in it."""
+        return self.topology.depths[self.topology.index(name)] if state is None else len(self.ancestors(name, state))
 
-    def ancestors(self, name: str) -> tuple[str, ...]:
-        """Return a frame's ancestors from its parent up to the root; empty for the root."""
-        return self.topology.names_of(self.topology.ancestors(self.topology.index(name)))[1:]
+    def ancestors(self, name: str, state: State | None = None) -> tuple[str, ...]:
+        """Return a frame's ancestors from its parent up to the root; empty for the root.
 
-    def subtree(self, name: str) -> tuple[str, ...]:
-        """Return a frame and all frames below it, in order of declaration."""
-        return self.topology.names_of(self.topology.subtree(self.topology.index(name)))
+        Args:
+            name: The frame.
+            state: With a state, those that it has as attachable frames hang in it; one instant on the host.
 
-    def common_ancestor(self, a: str, b: str) -> str:
-        """Return the deepest frame that both frames descend from (a frame descends from itself)."""
-        return self.names[self.topology.common_ancestor(self.topology.index(a), self.topology.index(b))]
+        Raises:
+            UnknownFrameError: No such frame.
+            TopologyError: The frame hangs on itself in this state.
+            ShapeError: What a frame on the way hangs on differs over a batch of states, or is traced.
+        """
+        frame = self.topology.index(name)
+        if state is None or not self.topology.attachables:
+            return self.topology.names_of(self.topology.ancestors(frame))[1:]
+        line = [name]
+        while line[-1] != self.root:
+            line.append(self.parent_name(line[-1], state))
+            if len(line) > len(self.names):
+                raise TopologyError(
+                    f"frame {name!r} hangs on a cycle in this state: {' -> '.join(line[:6])} ...; tree.check(state) says where"
+                )
+        return tuple(line[1:])
 
-    def is_ancestor(self, a: str, b: str, strict: bool = False) -> bool:
-        """Return whether ``b`` descends from ``a``; a frame counts as its own ancestor unless ``strict``."""
-        first, second = self.topology.index(a), self.topology.index(b)
-        return first in self.topology.ancestors(second) and not (strict and first == second)
+    def subtree(self, name: str, state: State | None = None) -> tuple[str, ...]:
+        """Return a frame and all frames below it, in order of declaration; with a state (arguments as for ``ancestors``), those there."""
+        if state is None or not self.topology.attachables:
+            return self.topology.names_of(self.topology.subtree(self.topology.index(name)))
+        found, ahead = {name}, [name]
+        while ahead:
+            for child in self.children(ahead.pop(), state):
+                if child in found:
+                    raise TopologyError(f"frame {child!r} hangs on a cycle in this state; tree.check(state) says where")
+                found.add(child)
+                ahead.append(child)
+        return tuple(frame for frame in self.names if frame in found)
 
-    def path(self, *, of: str, relative_to: str) -> tuple[tuple[str, int], ...]:
+    def common_ancestor(self, a: str, b: str, state: State | None = None) -> str:
+        """Return the deepest frame that both frames descend from (a frame descends from itself).
+
+        Args:
+            a: A frame.
+            b: Another one.
+            state: Where attachable frames stand between them, the state that says what they hang on.
+
+        Raises:
+            UnknownFrameError: A name is not in the tree.
+            TopologyError: Attachable frames stand between them and there is no state; or one hangs on itself.
+        """
+        if state is None:
+            return self.names[self.topology.common_ancestor(self.topology.index(a), self.topology.index(b))]
+        line = (b, *self.ancestors(b, state))
+        return next(name for name in (a, *self.ancestors(a, state)) if name in line)
+
+    def is_ancestor(self, a: str, b: str, strict: bool = False, state: State | None = None) -> bool:
+        """Return whether ``b`` descends from ``a``; with a state, as attachable frames hang in it.
+
+        Args:
+            a: The frame above.
+            b: The frame below.
+            strict: Whether a frame does not count as its own ancestor.
+            state: As for ``ancestors``.
+        """
+        self.topology.index(a)
+        return (a == b and not strict) or a in self.ancestors(b, state)
+
+    def path(self, *, of: str, relative_to: str, state: State | None = None) -> tuple[tuple[str, int], ...]:
         """Return the edges between two frames, from ``relative_to`` to ``of``.
 
         Each is the name of the edge's child frame with +1 where it is walked from parent to child, -1 where backwards.
+
+        Args:
+            of: Frame at the far end.
+            relative_to: Frame at the near end.
+            state: Where attachable frames stand between them, the state that says what they hang on.
+
+        Raises:
+            UnknownFrameError: A name is not in the tree.
+            TopologyError: Attachable frames stand between them and there is no state; or one hangs on itself.
         """
-        up, down = self.topology.route(self.topology.index(of), self.topology.index(relative_to))
-        names = self.names
-        return (*((names[i], -1) for i in reversed(up)), *((names[i], 1) for i in down))
+        if state is None:
+            up, down = self.topology.route(self.topology.index(of), self.topology.index(relative_to))
+            names = self.names
+            return (*((names[i], -1) for i in reversed(up)), *((names[i], 1) for i in down))
+        upward, downward = ([name, *self.ancestors(name, state)] for name in (relative_to, of))
+        while upward and downward and upward[-1] == downward[-1]:
+            upward.pop()
+            downward.pop()
+        return (*((name, -1) for name in upward), *((name, 1) for name in reversed(downward)))

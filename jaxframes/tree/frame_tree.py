@@ -14,7 +14,7 @@ from jaxframes.tree import edit
 from jaxframes.tree.chain import Chain, make_chain
 from jaxframes.tree.check import check
 from jaxframes.tree.states import States
-from jaxframes.tree.text import DumpOptions, explain, format_tree, path_in_state
+from jaxframes.tree.text import DumpOptions, explain, format_tree
 
 SpatialQuantity = TypeVar("SpatialQuantity", Twist, Wrench)
 
@@ -217,19 +217,20 @@ class FrameTree(States):
         """Return a twist or wrench given in the axes and about the origin of one frame, ``of``, in those of another, ``relative_to``."""
         return value.transform(self.transform(state, of=of, relative_to=relative_to))
 
-    def chain(self, *, of: str, relative_to: str, oriented: bool = False) -> Chain:
-        """Return the static path between two frames as a view of this tree.
+    def chain(self, *, of: str, relative_to: str, oriented: bool = False, state: State | None = None) -> Chain:
+        """Return the path between two frames as a view of this tree.
 
         Args:
             of: Frame at the far end.
             relative_to: Frame at the near end, the observer.
             oriented: Demand that ``of`` descends from ``relative_to``.
+            state: Where attachable frames stand between the two, the state that says what they hang on; the chain is that of this state.
 
         Raises:
             UnknownFrameError: A name is not in the tree.
-            TopologyError: ``oriented`` and ``of`` is no descendant.
+            TopologyError: ``oriented`` and ``of`` is no descendant; or attachable frames stand between the two and there is no state.
         """
-        return make_chain(self, of, relative_to, oriented)
+        return make_chain(self, of, relative_to, oriented, state)
 
     def reattached(self, state: State, frame: str, to: str, *, keep: str = "relative") -> "FrameTree":
         """Return a new static tree in which a frame, with all that hangs on it, hangs on another frame (on the host).
@@ -267,14 +268,20 @@ class FrameTree(States):
         """Return the part of a state that the tree ``extract(root)`` takes (EdgeError where attachable frames are inside)."""
         return edit.extract_state(self, state, root)
 
-    def format(self, options: DumpOptions | None = None, *, state: State | None = None) -> str:
+    def format(self, options: DumpOptions | None = None, *, state: State | None = None, frame: str | None = None, prefix: str = "") -> str:
         """Return the tree as text, one line a frame.
 
         Args:
             options: What each line says. Default: names and edges.
-            state: With a state, each line also gives the pose in the parent (one instant, no batch).
+            state: With a state, attachable frames stand where they hang in it, and each line gives the pose in the parent (one instant).
+            frame: The frame to begin at. Default: the root.
+            prefix: Text put before each line.
+
+        Raises:
+            UnknownFrameError: No such frame.
+            MissingInputError: The options ask for health, and there is no state.
         """
-        return format_tree(self, options or DumpOptions(), state)
+        return format_tree(self, options or DumpOptions(), state, frame, prefix)
 
     def explain(self, *, of: str | None = None, relative_to: str | None = None, state: State | None = None) -> str:
         """Return text that says which edges a query between two frames touches, in which direction, and what each needs.
@@ -293,7 +300,7 @@ class FrameTree(States):
             ``of``, ``relative_to``, ``path``, ``frames``, ``oriented``, ``edges``, ``supports_accelerations``, ``transform``,
             ``velocity``, ``acceleration`` (None where the chain has none), and the ``parent`` of ``of``.
         """
-        path = path_in_state(self, state, of, relative_to)
+        path = self.path(of=of, relative_to=relative_to, state=state)
         frames = [relative_to]
         for name, direction in path:
             frames.append(name if direction > 0 else self.parent_name(name, state))

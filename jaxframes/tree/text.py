@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jaxframes.errors import TopologyError
+from jaxframes.errors import MissingInputError
 from jaxframes.kinematics import queries
 from jaxframes.kinematics.plan import along_path
 from jaxframes.model.state import State
@@ -31,16 +31,18 @@ class DumpOptions:
     depth: bool = False
 
 
-def format_tree(tree: States, options: DumpOptions, state: State | None) -> str:
-    """Return the tree as text."""
+def format_tree(tree: States, options: DumpOptions, state: State | None, frame: str | None = None, prefix: str = "") -> str:
+    """Return the tree as text; arguments as for ``FrameTree.format``."""
     topology = tree.topology
+    if options.health and state is None:
+        raise MissingInputError("DumpOptions(health=True) says what is wrong in a state: pass one, tree.format(options, state=...)")
     wrong = check(tree, state) if options.health and state is not None else ()
     place = {name: i for i, name in enumerate(topology.names)}
-    lines, ahead = [], [(0, "", "")]
+    lines, ahead = [], [(0 if frame is None else topology.index(frame), prefix, prefix)]
     while ahead:
-        frame, lead, indent = ahead.pop()
-        lines.append(lead + _line(tree, frame, options, state, wrong))
-        children = [place[name] for name in tree.children(topology.names[frame], state)]
+        at, lead, indent = ahead.pop()
+        lines.append(lead + _line(tree, at, options, state, wrong))
+        children = [place[name] for name in tree.children(topology.names[at], state)]
         for position, child in reversed(list(enumerate(children))):
             last = position == len(children) - 1
             ahead.append((child, indent + ("└── " if last else "├── "), indent + ("    " if last else "│   ")))
@@ -59,8 +61,8 @@ def _line(tree: States, frame: int, options: DumpOptions, state: State | None, w
         if options.edge_type:
             facts.append(edge.describe() + _joint_text(tree, frame))
     if options.depth:
-        facts.append(f"depth {topology.depths[frame]}")
-    if options.health and state is not None:
+        facts.append(f"depth {tree.depth(name, state)}")
+    if options.health:
         mine = [line for line in wrong if line.startswith((f"frame {name!r}", f"joint {_joint_name(tree, frame)!r}"))]
         facts.append(mine[0].split(": ", 1)[1] if mine else "ok")
     if state is not None and frame:
@@ -86,26 +88,6 @@ def _pose_text(tree: States, state: State, name: str) -> str:
     return f"at ({px:.6g}, {py:.6g}, {pz:.6g}) m, wxyz ({w:.4f}, {x:.4f}, {y:.4f}, {z:.4f})"
 
 
-def path_in_state(tree: States, state: State | None, of: str, relative_to: str) -> tuple[tuple[str, int], ...]:
-    """Return the path between two frames as attachable frames hang in a state: (edge, +1 down or -1 up) from ``relative_to``."""
-
-    def line(name: str) -> list[str]:
-        names = [name]
-        while names[-1] != tree.root:
-            names.append(tree.parent_name(names[-1], state))
-            if len(names) > len(tree.names):
-                raise TopologyError(
-                    f"frame {name!r} hangs on a cycle in this state: {' -> '.join(names[:6])} ...; tree.check(state) says where"
-                )
-        return names
-
-    up, down = line(relative_to), line(of)
-    while up and down and up[-1] == down[-1]:
-        up.pop()
-        down.pop()
-    return (*((name, -1) for name in up), *((name, 1) for name in reversed(down)))
-
-
 def explain(tree: States, of: str, relative_to: str, state: State | None) -> str:
     """Return text about the path of a query."""
     topology = tree.topology
@@ -114,7 +96,7 @@ def explain(tree: States, of: str, relative_to: str, state: State | None) -> str
         attachable = [tree.names[i] for i in dict.fromkeys(topology.static_components[topology.index(n)] for n in (relative_to, of)) if i]
         where = "; ".join(f"{name!r} [{tree.edge(name).describe()}], declared on {tree.parent(name)!r}" for name in attachable)
         return f"{relative_to} -> {of}: the path is data in the state (links composed by pointer doubling): {where}"
-    path = path_in_state(tree, state, of, relative_to)
+    path = tree.path(of=of, relative_to=relative_to, state=state)
     up = [name for name, direction in path if direction < 0]
     meet = tree.parent_name(up[-1], state) if up else relative_to
     down = [topology.index(name) for name, direction in path if direction > 0]
