@@ -43,3 +43,7 @@ from jaxframes.tree.chain import Chain as Chain
 from jaxframes.tree.text import DumpOptions as DumpOptions
 from jaxframes.view.export import to_dot as to_dot
 from jaxframes.view.export import to_mermaid as to_mermaid
+from jaxframes.view.live import Button as Button
+from jaxframes.view.live import FramesGraph as FramesGraph
+from jaxframes.view.live import show_frames_graph as show_frames_graph
+from jaxframes.view.static import to_html as to_html
