@@ -17,14 +17,14 @@ function select(frame) {
 }
 
 /** The row that stays where it is while others move: the one asked about if it is shown, else the one nearest to the middle. */
-function nearest() {
-  const inside = (row) => row >= 0 && places.has(row) && Math.abs(places.get(row)[1] * view.zoom + view.y) < 2 * canvas.clientHeight;
+function nearest(but = []) {
+  const inside = (row) => row >= 0 && places.has(row) && !but.includes(row) && Math.abs(places.get(row)[1] * view.zoom + view.y) < 2 * canvas.clientHeight;
   if (inside(chosen)) return chosen;
   const [x, y] = [(canvas.clientWidth / 2 - view.x) / view.zoom, (canvas.clientHeight / 2 - view.y) / view.zoom];
   let [best, least] = [0, Infinity];
   for (const [row, [px, py]] of places) {
     const far = Math.hypot(px - x, py - y);
-    if (row >= 0 && far < least) [best, least] = [row, far];
+    if (row >= 0 && far < least && !but.includes(row)) [best, least] = [row, far];
   }
   return best;
 }

@@ -50,7 +50,7 @@ function carryOver(old, moved) {
   if (renumbered || strayed.length) numbers = null;
   [chosen, observer, hovered] = [moved(chosen), chosen < 0 ? -1 : moved(observer), -1];
   if (strayed.length <= 5) strayed.forEach(openTheWay);
-  layout(nearest());
+  layout(nearest(strayed));
   const shown = (frame) => lineOf(frame).find((one) => places.has(one));
   for (const frame of strayed) flashes.set(shown(frame), performance.now());
   if (byId("search").value.trim()) {
