@@ -46,4 +46,5 @@ from jaxframes.view.export import to_mermaid as to_mermaid
 from jaxframes.view.live import Button as Button
 from jaxframes.view.live import FramesGraph as FramesGraph
 from jaxframes.view.live import show_frames_graph as show_frames_graph
+from jaxframes.view.picture import save_png as save_png
 from jaxframes.view.static import to_html as to_html

@@ -1,5 +1,6 @@
 """What every picture of a tree shares: labels, chains, colouring, and what hangs on what in a state."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 
 import jax
@@ -16,6 +17,9 @@ Chains = bool | Iterable[tuple[str, str] | Chain]
 COLORINGS = ("type", "valency")
 LIGHT = ("#cfe2f3", "#d9ead3", "#fce5cd", "#ead1dc", "#fff2cc", "#d0e0e3", "#f4cccc", "#d9d2e9")
 """Grounds of nodes, one a kind of edge, light enough for black text."""
+
+RAMP = ("#e3eefb", "#c9e4f2", "#c8ecd9", "#e5efbf", "#fbe3b5", "#f8c9bd")
+"""Grounds of nodes by valency, from 1 to 6 or more."""
 
 
 def labels_of(tree: FrameTree, label_map: LabelMap | None) -> list[str]:
@@ -143,3 +147,23 @@ def one_instant(tree: FrameTree, state: State | None, remedy: str = "pass one of
     if state.shape:
         raise ShapeError(f"the state is a batch of shape {state.shape}, and a picture shows one instant; {remedy}")
     return state
+
+
+UNSEEN = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]")
+"""Characters that show nothing, end lines, or turn the text after them round."""
+
+
+def printable(text: str) -> str:
+    """Return a text with a dot for each character that nobody sees: it cannot hide, break a line or turn round what follows."""
+    return UNSEEN.sub("\u00b7", text)
+
+
+def colours(tree: FrameTree, coloring: str, state: State | None) -> tuple[list[str], list[tuple[str, str]]]:
+    """Return a light ground for each frame, and a legend: what each colour means, in order."""
+    if checked_coloring(coloring) == "valency":
+        counts = [min(count, len(RAMP)) for count in valencies(parents_of(tree, state)[0])]
+        words = [f"{n} edge{'s' if n > 1 else ''}" for n in range(1, len(RAMP))] + [f"{len(RAMP)} edges or more"]
+        return [RAMP[max(count, 1) - 1] for count in counts], list(zip(words, RAMP, strict=True))
+    kinds, names = kinds_of(tree)
+    grounds = [LIGHT[kind % len(LIGHT)] if kind >= 0 else "#ffffff" for kind in kinds]
+    return grounds, [(name, LIGHT[i % len(LIGHT)]) for i, name in enumerate(names)]

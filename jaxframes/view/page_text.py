@@ -22,6 +22,9 @@ TOKENS = re.compile(
     re.DOTALL,
 )
 
+UNSAFE = re.compile("[<>\u2028\u2029\ud800-\udfff]")
+"""What ends or starts an element, ends a line of a script, or cannot be written."""
+
 
 class GraphHtml(str):
     """A page as text: notebooks show it, a terminal only says what it is."""
@@ -81,7 +84,7 @@ def _hash(text: str) -> str:
 def safe_json(data: Any) -> str:
     """Return JSON that may stand inside a page and inside a script: nothing in it ends an element, and no number is not one."""
     text = json.dumps(data, allow_nan=False, separators=(",", ":"), ensure_ascii=False)
-    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+    return UNSAFE.sub(lambda found: f"\\u{ord(found.group()):04x}", text)
 
 
 def encoded(numbers: np.ndarray) -> str:
