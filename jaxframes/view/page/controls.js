@@ -18,7 +18,8 @@ function select(frame) {
 
 /** The row that stays where it is while others move: the one asked about if it is shown, else the one nearest to the middle. */
 function nearest(but = []) {
-  const inside = (row) => row >= 0 && places.has(row) && !but.includes(row) && Math.abs(places.get(row)[1] * view.zoom + view.y) < 2 * canvas.clientHeight;
+  const near = (row) => Math.abs(places.get(row)[1] * view.zoom + view.y) < 2 * canvas.clientHeight;
+  const inside = (row) => row >= 0 && places.has(row) && !but.includes(row) && near(row);
   if (inside(chosen)) return chosen;
   const [x, y] = [(canvas.clientWidth / 2 - view.x) / view.zoom, (canvas.clientHeight / 2 - view.y) / view.zoom];
   let [best, least] = [0, Infinity];
