@@ -46,5 +46,7 @@ from jaxframes.view.export import to_mermaid as to_mermaid
 from jaxframes.view.live import Button as Button
 from jaxframes.view.live import FramesGraph as FramesGraph
 from jaxframes.view.live import show_frames_graph as show_frames_graph
+from jaxframes.view.live_3d import Frames3D as Frames3D
+from jaxframes.view.live_3d import show_frames_3d as show_frames_3d
 from jaxframes.view.picture import save_png as save_png
 from jaxframes.view.static import to_html as to_html
