@@ -47,10 +47,10 @@ def local_motions(tree: FrameTree, state: State) -> np.ndarray:
     found = np.zeros((*shape, len(tree.names), WIDTH))
     found[..., 0] = 1.0
     reader = _Reader(tree, state, len(shape))
-    for group, members in enumerate(tree.topology.members):
-        if members[0] not in tree.topology.attachables:
-            for frames, motion, accelerates in reader.family(group, members):
-                _write(found, frames, motion, accelerates)
+    with np.errstate(all="ignore"):  # what is not finite is said by tree.check
+        for group, members in enumerate(tree.topology.members):
+            if members[0] not in tree.topology.attachables:
+                _write(found, members, *reader.family(group, members))
     if state.attachments is not None and tree.topology.attachables:
         _write(found, tree.topology.attachables, _motion(state.attachments.motion, slice(None), len(shape)), True)
     return found
@@ -78,20 +78,18 @@ class _Reader:
         """Return an array with its batch axes padded on the left to the rank."""
         return array.reshape((1,) * (self.rank + own - array.ndim) + array.shape)
 
-    def family(self, group: int, members: Sequence[int]) -> list[tuple[Sequence[int], Rigid, bool]]:
-        """Return the motions of a family's edges: which frames, their motions, and whether they have accelerations."""
+    def family(self, group: int, members: Sequence[int]) -> tuple[Rigid, bool]:
+        """Return the motions of a family's edges, and whether they have accelerations."""
         topology = self.tree.topology
         first = self.tree.edge_of(members[0])
         if first.needs_time and self.state.time is None:
             nothing = Rigid(Quat(*[np.nan] * 4), *(V3(*[np.nan] * 3) for _ in range(5)))
-            return [(members, nothing, False)]
+            return nothing, False
         if topology.stacked[group]:
-            edge = jax.tree.unflatten(topology.groups[group], self.tree.numbers(members)).normalized()
-            return [(members, self._motion_of(self._on_host(edge), members), first.supports_accelerations)]
-        if len(members) > 1:
-            edge = self.tree.together(group).normalized()
-            return [(members, self._motion_of(edge, members), first.supports_accelerations)]
-        return [(members, self._motion_of(first.bare().normalized(), members), first.supports_accelerations)]
+            edge = self._on_host(jax.tree.unflatten(topology.groups[group], self.tree.numbers(members)).normalized())
+        else:
+            edge = (self.tree.together(group) if len(members) > 1 else first.bare()).normalized()
+        return self._motion_of(edge, members), first.supports_accelerations
 
     def _on_host(self, edge: Edge) -> Edge:
         """Return an edge of many with its numbers [*batch, n_edges, k] as NumPy arrays of float64."""

@@ -97,20 +97,17 @@ def parents_of(tree: FrameTree, state: State | None) -> tuple[list[int], list[in
     for frame, parent in zip(tree.topology.attachables, held.tolist(), strict=True):
         parents[frame] = parent if 0 <= parent < len(parents) else 0
         severed += [] if 0 <= parent < len(parents) else [frame]
-    sound = np.zeros(len(parents), bool)
-    sound[0] = True
-    for frame in range(1, len(parents)):
+    islands, sound = tree.topology.islands, {0}
+    for frame in tree.topology.attachables:
         line: dict[int, None] = {}
-        at = frame
-        while not sound[at] and at not in line:
-            line[at] = None
-            at = parents[at]
-        if not sound[at]:
-            ring = {*list(line)[list(line).index(at) :]}
-            cut = next(one for one in tree.topology.attachables if one in ring)
-            parents[cut] = 0
-            severed.append(cut)
-        sound[list(line)] = True
+        while frame not in sound and frame not in line:
+            line[frame] = None
+            frame = islands[parents[frame]]
+        if frame not in sound:  # it closes a ring of attachable frames: the first of them in the tree's order is cut
+            ring = {*list(line)[list(line).index(frame) :]}
+            parents[min(ring)] = 0
+            severed.append(min(ring))
+        sound.update(line)
     return parents, severed
 
 
