@@ -308,7 +308,7 @@ def test_the_number_of_bytes(rng):
     tree, state = large(rng, 60)
     page = len(parts()[0].encode())
     print(f"page {page} bytes, 60 frames {len(jf.to_html(tree, state=state).encode())} bytes")
-    assert page < 40_000 + 2_000
+    assert page < 40_000
     assert len(jf.to_html(tree, state=state).encode()) < 60_000
 
 

@@ -7,7 +7,7 @@ let playing = 0;
 let asked = null; // the instant that the server was asked for and has not answered
 let wish = null; // the newest instant that the reader wants
 
-const counted = (what) => (document.body.dataset[what] = 1 + Number(document.body.dataset[what] ?? 0));
+const counted = (what) => (counts[what] = 1 + Number(counts[what] ?? 0));
 
 /** Show a tree: the first one, or what it has become. */
 function showTree(next) {

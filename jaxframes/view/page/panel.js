@@ -103,8 +103,8 @@ function fillWithHelp(panel) {
   panel.append(element("h2", "Nothing selected"));
   const lines = [
     "Click a frame: its path to the root. Click a second one: the motion of the first as the second sees it.",
-    "Click +n to open a subtree, double-click to see nothing else. Drag pans, the wheel zooms, / searches, ~ before a regular expression.",
-    "Arrows go from frame to frame, Enter opens and closes, Space fixes the frame and lets the arrows choose an observer, Esc clears.",
+    "+n opens a subtree, a double click shows nothing else. Drag pans, the wheel zooms, / searches (~ for a regular expression).",
+    "Arrows move, Enter opens, Space lets arrows choose an observer, Esc clears.",
   ];
   for (const line of lines) panel.append(element("p", line, "hint"));
   const sick = Object.keys(tree.health ?? {}).map(Number);
@@ -122,11 +122,8 @@ function block(panel, title, of, relativeTo) {
   }
   const motion = pair(of, relativeTo);
   panel.append(grid(motion, 9));
-  const all = () =>
-    JSON.stringify({
-      ...{ wxyz: motion.q, position: motion.l, velocity: motion.v, angular_velocity: motion.w },
-      ...{ acceleration: motion.a, angular_acceleration: motion.b },
-    });
+  const { q: wxyz, l: position, v: velocity, w: angular_velocity, a: acceleration, b: angular_acceleration } = motion;
+  const all = () => JSON.stringify({ wxyz, position, velocity, angular_velocity, acceleration, angular_acceleration });
   const text = element("code", pythonLine(of, relativeTo));
   const code = element("div", null, "code");
   const exact = element("code", "");
@@ -142,8 +139,8 @@ function block(panel, title, of, relativeTo) {
 function fillWithFrame(panel) {
   const line = lineOf(chosen);
   panel.append(element("h2", tree.names[chosen]));
-  const below_ = below[chosen] === 1 ? "1 frame below" : `${below[chosen]} frames below`;
-  panel.append(element("div", `#${chosen} \u00b7 ${tree.edges[chosen]} \u00b7 depth ${line.length - 1} \u00b7 ${below_}`, "hint"));
+  const facts = [`#${chosen}`, tree.edges[chosen], `depth ${line.length - 1}`, `${below[chosen]} below`];
+  panel.append(element("div", facts.join(" \u00b7 "), "hint"));
   for (const sentence of tree.health?.[chosen] ?? []) panel.append(element("p", sentence, "wrong"));
   panel.append(element("h3", "Path to the root"), crumbs(line));
   if (chosen === 0) return;
