@@ -38,7 +38,7 @@ class GraphHtml(str):
 
 
 def squeezed(script: str) -> str:
-    """Return a script without comments, needless white space and parentheses around the one argument of an arrow; strings, templates and regular expressions stay as they are.
+    """Return a script without comments, needless white space and parentheses; strings, templates, regular expressions stay as they are.
 
     A division is written with spaces around it, a regular expression has none after its first slash: so the two are told apart.
     """
