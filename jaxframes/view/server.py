@@ -66,9 +66,9 @@ class Server:
         """Stop listening and let go of all readers; the port can be bound again at once. Twice is fine."""
         with self._closing:
             self._shown.close()
+            self._server.shutdown()
             for connection in list(self._connections):
                 abort(connection)
-            self._server.shutdown()
             if self._thread is not threading.current_thread():
                 self._thread.join(5)
 

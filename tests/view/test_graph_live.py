@@ -330,3 +330,59 @@ def test_the_page_is_served_with_its_policy(scene):
         assert answer.headers["X-Content-Type-Options"] == "nosniff"
         assert answer.headers["Cache-Control"] == "no-store"
         assert answer.headers["Referrer-Policy"] == "no-referrer"
+
+
+def test_a_button_may_close_its_page(live, scene):
+    done = threading.Event()
+
+    def close(page):
+        page.close()
+        done.set()
+
+    handle, page = live(scene, buttons=[("Close", close)])
+    page.get_by_role("button", name="Close").click()
+    until(page, "document.getElementById('live').className === ''")
+    assert done.wait(10)
+    with socket.create_server(("127.0.0.1", handle.port)):
+        pass
+
+
+def test_copying_gives_the_line_and_all_digits(live, scene):
+    state = scene.state(q=[0.1], qd=[1 / 3])
+    handle, page = live(scene, state)
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"], origin=handle.url[:-1])
+    click(page, "hand")
+    click(page, "world")
+    page.get_by_role("button", name="Copy", exact=True).first.click()
+    until(page, "document.body.innerText.includes('Copied')")
+    assert page.evaluate("navigator.clipboard.readText()") == 'tree.motion(state, of="hand", relative_to="world")'
+    page.get_by_role("button", name="Copy numbers").first.click()
+    page.wait_for_timeout(200)
+    copied = json.loads(page.evaluate("navigator.clipboard.readText()"))
+    motion = scene.motion(state, of="hand", relative_to="world")
+    np.testing.assert_allclose(copied["velocity"], motion.velocity.linear, rtol=1e-15, atol=1e-15)
+    np.testing.assert_allclose(copied["wxyz"], motion.transform.rotation.wxyz, rtol=1e-15, atol=1e-15)
+
+
+def test_what_is_not_known_is_a_dash_and_never_zero(live):
+    b = jf.TreeBuilder(root="world")
+    b.add("craft", parent="world", edge=jf.edges.Prescribed(supports_accelerations=False))
+    _, page = live(b.build())
+    click(page, "craft")
+    numbers = page.inner_text("#panel .numbers")
+    assert numbers.count("\u2014") == 6
+
+
+def test_frames_that_hang_on_themselves_are_shown_and_said(live):
+    b = jf.TreeBuilder(root="world")
+    for name in ("a", "b"):
+        b.add(name, parent="world", edge=jf.edges.Attachable())
+    tree = b.build()
+    state = tree.state()
+    state = state.replace(attachments=jf.Attachments(np.array([2, 1], np.int32), state.attachments.motion))
+    _, page = live(tree, state)
+    until(page, "Object.keys(tree.health).length > 0")
+    assert set(shown(page)["rows"]) == {"world", "a", "b"}
+    assert "cycle" in page.evaluate("Object.values(tree.health)[0][0]")
+    click(page, "a")
+    assert "\u2014" in page.inner_text("#panel .numbers")
