@@ -228,6 +228,7 @@ def test_what_is_wrong_is_shown(opened):
     page.mouse.move(*page.evaluate("frames.at('arm')"))
     assert "outside its limits" in page.inner_text("#tip")
     assert "1 with something wrong" in page.inner_text("#legend")
+    page.wait_for_timeout(500)
     red = """() => {
         const data = pen.getImageData(0, 0, canvas.width, canvas.height).data;
         let count = 0;
@@ -296,11 +297,15 @@ def test_large_trees_open_readable(opened, rng, make):
 def test_dark_mode_and_narrow_windows(opened, rng, scheme):
     tree, state = every_kind(rng)
     page = opened(tree, state, {"width": 400, "height": 800, "color_scheme": scheme})
+    until(page, "document.body.dataset.painting !== undefined")
     ground = page.evaluate("[...pen.getImageData(2, 2, 1, 1).data]")
     assert (sum(ground[:3]) < 200) == (scheme == "dark")
     assert page.evaluate("document.documentElement.scrollWidth") <= 400
     assert page.evaluate("canvas.clientWidth") >= 390
+    assert page.evaluate("[...document.querySelectorAll('#legend span')].every((e) => e.scrollWidth <= e.clientWidth + 1)")
+    click(page, "ball")
     click(page, "world")
+    assert page.evaluate("document.querySelector('.numbers').scrollWidth") <= 400
     assert page.locator("#panel h2").first.is_visible()
 
 

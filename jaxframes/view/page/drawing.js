@@ -1,5 +1,6 @@
 /* Drawing: edges, chains, pills. Text goes through fillText and textContent only, never through markup. */
 
+// Colours that most colour-blind readers tell apart (Okabe and Ito 2008), and a few more.
 const PALETTE = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#56b4e9", "#7a5195", "#6b7280", "#a3333d", "#2f8f9d"];
 const LEGIBLE = 0.42; // below this zoom pills are bars
 const FLASH = 1600; // milliseconds
