@@ -123,6 +123,6 @@ def _read(trimesh: Any, path: Path, name: str) -> Any:
         mesh = trimesh.load(io.BytesIO(path.read_bytes()), file_type=kind, force="mesh", skip_materials=True)
     except Exception as problem:  # whatever a damaged file makes a reader raise
         raise FrameError(f"frame {name!r}: {path.name} cannot be read: {type(problem).__name__}: {problem}") from problem
-    if not len(getattr(mesh, "faces", ())):
+    if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
         raise FrameError(f"frame {name!r}: {path.name} cannot be read: it holds no triangles")
     return mesh
