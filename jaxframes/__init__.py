@@ -30,16 +30,23 @@ from jaxframes.tree.chain import Chain
 from jaxframes.tree.frame_tree import FrameTree
 from jaxframes.tree.text import DumpOptions
 from jaxframes.view.export import to_dot, to_mermaid
+from jaxframes.view.live import Button, FramesGraph, show_frames_graph
+from jaxframes.view.live_3d import Frames3D, show_frames_3d
+from jaxframes.view.picture import save_png
+from jaxframes.view.static import to_html
 
 __all__ = [
     "SHIPPED_LEAP_SECONDS",
     "ApparentState",
     "Attachments",
+    "Button",
     "Chain",
     "DumpOptions",
     "Epoch",
     "FrameError",
     "FrameTree",
+    "Frames3D",
+    "FramesGraph",
     "LeapSeconds",
     "Motion",
     "Rotation",
@@ -62,10 +69,14 @@ __all__ = [
     "kdl",
     "load_mjcf",
     "load_urdf",
+    "save_png",
+    "show_frames_3d",
+    "show_frames_graph",
     "spice",
     "stack",
     "tables",
     "to_dot",
+    "to_html",
     "to_json",
     "to_mermaid",
     "to_urdf",

@@ -234,7 +234,7 @@ assert before == {name: getattr(jax.config, name) for name in before}, "global c
 assert not [s for s in seen if "__pycache__" not in str(s[1])], seen
 from jax._src import xla_bridge
 assert not xla_bridge._backends, "a backend was started"
-heavy = [m for m in ("spiceypy", "matplotlib", "jaxlie", "mujoco", "xarray", "bokeh") if m in sys.modules]
+heavy = [m for m in ("spiceypy", "matplotlib", "jaxlie", "mujoco", "xarray", "viser", "websockets", "trimesh") if m in sys.modules]
 assert not heavy, heavy  # scipy is not listed: jax itself imports it
 print(cost)
 """

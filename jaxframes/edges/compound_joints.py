@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Self
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxframes.edges.base import Inputs
 from jaxframes.edges.joint import AxisJoint, Joint, coordinate, joint_family, unit_axis
@@ -186,6 +187,8 @@ def plane_axes(n: V3) -> tuple[V3, V3]:
         u, v = (1.0 + s * x * x * a, s * x * y * a, -s * x), (x * y * a, s + y * y * a, -y)
         length = math.hypot(*u), math.hypot(*v)  # a rounding error at most, but it would scale every length
         return V3(*(c / length[0] for c in u)), V3(*(c / length[1] for c in v))
-    s = jnp.where(jnp.asarray(z) < 0, -1.0, 1.0).astype(jnp.asarray(z).dtype)
+    s: Any = (
+        np.where(z < 0, -1.0, 1.0) if isinstance(z, np.ndarray) else jnp.where(jnp.asarray(z) < 0, -1.0, 1.0).astype(jnp.asarray(z).dtype)
+    )
     a = -1.0 / (s + z)
     return V3(1.0 + s * x * x * a, s * x * y * a, -s * x), V3(x * y * a, s + y * y * a, -y)

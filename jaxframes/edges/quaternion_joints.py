@@ -4,6 +4,7 @@ from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxframes.edges.base import Inputs
 from jaxframes.edges.joint import Joint, joint_family
@@ -15,7 +16,8 @@ from jaxframes.spatial import Rotation, Transform, Twist
 
 def unit(q: tuple[Component, ...]) -> Quat:
     """Return four coordinates as a unit quaternion; the division is part of what is differentiated."""
-    length = jnp.sqrt(jnp.asarray(quat_norm2(Quat(*q))))
+    norm2 = quat_norm2(Quat(*q))
+    length: Any = np.sqrt(norm2) if isinstance(norm2, np.ndarray) else jnp.sqrt(jnp.asarray(norm2))
     return Quat(*(c / length for c in q))
 
 

@@ -47,13 +47,19 @@ def take_apart(array: jax.Array) -> tuple[jax.Array, ...]:
     return tuple(_apart.bind(array)) if array.shape[-1] > 1 else (column(array, 0),)
 
 
+class OnHost(np.ndarray):
+    """A NumPy array whose columns stay NumPy arrays: what edges are made of where their motion is worked out without a compiler."""
+
+
 def parameters(array: jax.Array, batch_rank: int = 0) -> tuple[Component, ...]:
     """Return the components of a parameter ``[..., k]``: Python numbers when they are known, so that zeros and ones fold away.
 
     Args:
-        array: Parameter of an edge.
+        array: Parameter of an edge; the components of an ``OnHost`` are NumPy arrays.
         batch_rank: Rank to which the batch axes of a batched parameter are padded (on the left).
     """
+    if isinstance(array, OnHost):
+        return tuple(np.moveaxis(np.asarray(array), -1, 0))  # pyright: ignore[reportReturnType]
     if array.ndim == 1 and is_concrete(array):
         return tuple(float(v) for v in np.asarray(array))
     if 1 < array.ndim <= batch_rank:
