@@ -31,6 +31,8 @@ class Context:
     """What a computation over a tree reads: the tree, the state's arrays, the batch shape and the dtype."""
 
     def __init__(self, tree: Structure, state: State, order: int):
+        if not isinstance(state, State):
+            raise ShapeError(f"a query takes a state, made by tree.state(...), and found {type(state).__name__}")
         self.tree, self.topology, self.order = tree, tree.topology, order
         self.dtype = widest(tree.dtype, float_dtype(state))
         self._check_joints(state)

@@ -149,7 +149,9 @@ class Topology:
             return self.index_of[name]
         except (KeyError, TypeError):
             if isinstance(name, str):
-                raise UnknownFrameError(f"the tree has no frame {name!r}.{suggest(name, self.names)}") from None
+                below = self.edge_index.get(name)
+                other = "" if below is None else f" There is a joint of that name: the frame below it is {self.names[below]!r}."
+                raise UnknownFrameError(f"the tree has no frame {name!r}.{other or suggest(name, self.names)}") from None
             found = f"an array of {name.dtype}{list(name.shape)}" if isinstance(name, (np.ndarray, jax.Array)) else repr(name)
             raise UnknownFrameError(f"a frame is asked for by its name, found {found}; tree.names[i] is the name of frame i") from None
 
@@ -167,7 +169,9 @@ class Topology:
                 raise UnknownJointError(f"joint {name!r} follows {self.edge_names[self.sources[frame]]!r}; set that one") from None
             if frame:
                 raise UnknownJointError(f"joint {name!r} is fixed: it has no coordinates") from None
-            raise UnknownJointError(f"the tree has no joint {name!r}.{suggest(str(name), self.joint_names)}") from None
+            above = self.edge_names[self.index_of[name]] if isinstance(name, str) and name in self.index_of else None
+            other = f" There is a frame of that name: the joint above it is {above!r}." if above is not None else ""
+            raise UnknownJointError(f"the tree has no joint {name!r}.{other or suggest(str(name), self.joint_names)}") from None
 
     def ancestors(self, frame: int) -> Iterator[int]:
         """Yield a frame, its parent, and so on to the root."""

@@ -6,12 +6,13 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
-from jaxframes.errors import ShapeError
+from jaxframes.errors import FrameError, ShapeError
 from jaxframes.numerics.batch import tag
 from jaxframes.spatial import rotation_ops
 from jaxframes.spatial.value import Based, Value
-from jaxframes.staging.arrays import as_float
+from jaxframes.staging.arrays import as_float, is_concrete
 
 
 @jax.tree_util.register_dataclass
@@ -38,32 +39,36 @@ class Rotation(Value):
 
     @classmethod
     def from_quaternion_wxyz(cls, wxyz: Any) -> "Rotation":
-        """Return the rotation of quaternions [..., 4], scalar first, normalised; a zero quaternion gives NaN."""
-        return cls(rotation_ops.normalized(wxyz))
+        """Return the rotation of quaternions [..., 4], scalar first, normalised (FrameError for zero; under jit NaN)."""
+        return cls(_rotations(rotation_ops.normalized(wxyz), (wxyz,), ZERO))
 
     @classmethod
     def from_quaternion_xyzw(cls, xyzw: Any) -> "Rotation":
-        """Return the rotation of quaternions [..., 4], scalar last (ROS, KDL, SciPy), normalised."""
-        return cls(rotation_ops.normalized_xyzw(xyzw))
+        """Return the rotation of quaternions [..., 4], scalar last (ROS, KDL, SciPy), normalised (FrameError for zero; under jit NaN)."""
+        return cls(_rotations(rotation_ops.normalized_xyzw(xyzw), (xyzw,), ZERO))
 
     @classmethod
     def from_matrix(cls, matrix: Any) -> "Rotation":
         """Return the rotation of matrices [..., 3, 3].
 
-        Every rotation is met with full accuracy. An almost orthonormal matrix gives a unit quaternion all the same; anything
-        farther from a rotation (a reflection, a scale) gives one that means little.
+        Every rotation is met with full accuracy. An almost orthonormal matrix gives a unit quaternion all the same; one farther from a
+        rotation, a scale or a shear, gives one that means little.
+
+        Raises:
+            FrameError: A matrix is a reflection or flat: its determinant is not positive. Under jit value and gradient are NaN.
+            ShapeError: It is no array [..., 3, 3].
         """
-        return cls(rotation_ops.from_matrix(_nine(matrix)))
+        return cls(_rotations(rotation_ops.from_matrix(_nine(matrix)), (matrix,), MIRRORED))
 
     @classmethod
     def from_rows(cls, x: Any, y: Any, z: Any) -> "Rotation":
-        """Return the rotation whose matrix has the rows x, y, z [..., 3]: the axes of a in b."""
-        return cls(rotation_ops.from_rows(x, y, z))
+        """Return the rotation whose matrix has the rows x, y, z [..., 3]: the axes of a in b (errors as ``from_matrix``)."""
+        return cls(_rotations(rotation_ops.from_rows(x, y, z), (x, y, z), MIRRORED))
 
     @classmethod
     def from_columns(cls, x: Any, y: Any, z: Any) -> "Rotation":
-        """Return the rotation whose matrix has the columns x, y, z [..., 3]: the axes of b in a."""
-        return cls(rotation_ops.from_columns(x, y, z))
+        """Return the rotation whose matrix has the columns x, y, z [..., 3]: the axes of b in a (errors as ``from_matrix``)."""
+        return cls(_rotations(rotation_ops.from_columns(x, y, z), (x, y, z), MIRRORED))
 
     @classmethod
     def from_axis_angle(cls, axis: Any, angle: Any) -> "Rotation":
@@ -117,9 +122,9 @@ class Rotation(Value):
         """Return the smallest rotation that takes the direction ``start`` [..., 3] to the direction ``end`` [..., 3].
 
         Opposite directions turn by pi about an axis perpendicular to ``start`` and to the coordinate axis farthest from it;
-        a zero vector gives NaN.
+        a zero vector is a FrameError, under jit NaN.
         """
-        return cls(rotation_ops.between(start, end))
+        return cls(_rotations(rotation_ops.between(start, end), (start, end), NOWHERE))
 
     @classmethod
     def random(cls, key: jax.Array, batch: Sequence[int] = (), dtype: Any = None) -> "Rotation":
@@ -214,6 +219,9 @@ class Rotation(Value):
             return NotImplemented
         return rotation_ops.rotate(self.wxyz, other)
 
+    def __mul__(self, other: Any) -> Any:
+        raise TypeError(f"a Rotation is not multiplied by *, found {type(other).__name__}: compose and apply by @, as in R @ v")
+
     def inverse(self) -> "Rotation":
         """Return ``b_R_a``."""
         return Rotation(rotation_ops.conjugate(self.wxyz))
@@ -272,6 +280,21 @@ class Rotation(Value):
     def right_jacobian_inv(vector: Any) -> jax.Array:
         """Return the inverse of J_r [..., 3, 3] of rotation vectors [..., 3]; regular at 0 and at pi, pole at length 2 pi."""
         return matrix_of(rotation_ops.right_jacobian_inv(vector))
+
+
+ZERO = "a quaternion is zero, which is no rotation; the identity is (1, 0, 0, 0)"
+NOWHERE = "a vector is zero, so it has no direction to turn from or to"
+MIRRORED = "a matrix has no positive determinant, so it is a reflection or flat and no rotation: check the order and signs of its axes"
+
+
+def _rotations(wxyz: jax.Array, given: Sequence[Any], otherwise: str) -> jax.Array:
+    """Return quaternions that were made of finite numbers, refusing those that are none (FrameError); what is traced passes."""
+    if all(map(is_concrete, (wxyz, *given))) and np.isnan(found := np.asarray(wxyz)).any():
+        finite = all(np.isfinite(np.asarray(one, float)).all() for one in given)
+        at = [int(i) for i in np.argwhere(np.isnan(found).any(-1))[0]]
+        if finite:
+            raise FrameError(otherwise + (f" (at batch index {', '.join(map(str, at))})" if at else ""))
+    return wxyz
 
 
 def _nine(matrix: Any) -> jax.Array:

@@ -16,8 +16,10 @@ Nine = Sequence[Entry]
 
 
 def normalized(q: Quat) -> Quat:
-    """Return q over its norm (safe from overflow); a zero quaternion gives NaN."""
-    return Quat(*smooth.normalize(tuple(q))[0])
+    """Return q over its norm (safe from overflow); a zero quaternion gives NaN, in its gradient too."""
+    unit, length = smooth.normalize(tuple(q))
+    sound = select(length == 0, float("nan"), 1.0).astype(jnp.asarray(length).dtype)
+    return Quat(*(part * sound for part in unit))
 
 
 def exp(v: V3) -> Quat:
@@ -64,7 +66,8 @@ def from_matrix(m: Nine) -> Quat:
     """Return the unit quaternion of a rotation matrix (Shepperd 1978, with one square root for all four cases).
 
     With the largest of w, x, y, z (w whenever the trace is positive) called c, the four products 4 c (w, x, y, z) are sums of
-    entries; normalising them gives the quaternion. w > 0 in the first case, the largest of x, y, z is positive in the others.
+    entries; normalising them gives the quaternion. w > 0 in the first case, the largest of x, y, z is positive in the others. NaN where
+    the determinant is not positive.
     """
     a, b, c, d, e, f, g, h, i = m
     by_w, by_x, by_y = a + e + i > 0, (a > e) & (a > i), e > i
@@ -78,7 +81,9 @@ def from_matrix(m: Nine) -> Quat:
     x = pick(p, 1.0 + a - (e + i), s, v)
     y = pick(q, s, 1.0 + e - (a + i), u)
     z = pick(r, v, u, 1.0 + i - (a + e))
-    return Quat(*smooth.normalize((w, x, y, z))[0])
+    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    sound = select(determinant > 0, 1.0, float("nan")).astype(jnp.asarray(w).dtype)  # a reflection is NaN, its gradient too
+    return Quat(*(part * sound for part in smooth.normalize((w, x, y, z))[0]))
 
 
 def skew(v: V3) -> tuple[Entry, ...]:

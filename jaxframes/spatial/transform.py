@@ -104,6 +104,9 @@ class Transform(Value):
             return NotImplemented
         return self.apply(other)
 
+    def __mul__(self, other: Any) -> Any:
+        raise TypeError(f"a Transform is not multiplied by *, found {type(other).__name__}: compose and apply by @, as in T @ p")
+
     def apply(self, points: Any) -> jax.Array:
         """Return points [..., 3] given in b, in a."""
         return transform_ops.apply(self.rotation.wxyz, self.translation, points)

@@ -266,3 +266,34 @@ def test_twists_and_wrenches_are_made_by_name_and_of_vectors(dtype):
         assert np.array_equal(value.as_vector(), six)
         with pytest.raises(TypeError, match="positional"):
             type(value)(six[0, :3], six[0, 3:])
+
+
+def test_what_is_no_rotation_is_refused_and_nan_under_jit(dtype):
+    """A zero quaternion, a reflection, a flat matrix: an error that says where; under jit NaN in value and gradient."""
+    mirror = np.diag([1.0, 1.0, -1.0]).astype(dtype)
+    flat = np.diag([1.0, 1.0, 0.0]).astype(dtype)
+    for make, bad in (
+        (Rotation.from_quaternion_wxyz, np.zeros(4, dtype)),
+        (Rotation.from_quaternion_xyzw, np.zeros(4, dtype)),
+        (Rotation.from_matrix, mirror),
+        (Rotation.from_matrix, flat),
+        (lambda m: Rotation.from_rows(*m), mirror),
+        (lambda m: Rotation.from_columns(*m), mirror),
+    ):
+        with pytest.raises(FrameError, match="no rotation"):
+            make(bad)
+        assert np.isnan(jax.jit(lambda x, make=make: make(x).wxyz)(bad)).all()
+        assert np.isnan(jax.jit(jax.grad(lambda x, make=make: make(x).wxyz.sum()))(bad)).any()
+    with pytest.raises(FrameError, match=r"\(at batch index 2, 0\)"):
+        Rotation.from_matrix(np.stack([[np.eye(3)], [np.eye(3)], [mirror]]))
+    # What is not finite already stays NaN: it is no mistake about rotations.
+    assert np.isnan(Rotation.from_matrix(np.full((3, 3), np.nan, dtype)).wxyz).all()
+    turn = Rotation.from_rpy(0.1, -0.2, 0.3)
+    assert s.allclose(Rotation.from_matrix(turn.to_matrix()), turn)
+
+
+def test_products_by_a_star_point_to_the_operator():
+    for value, how in ((Rotation.identity(), "R @ v"), (Transform.identity(), "T @ p")):
+        for other in (jnp.ones(3), value, 2.0):
+            with pytest.raises(TypeError, match=how):
+                value * other

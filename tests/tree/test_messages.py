@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxframes as jf
-from jaxframes.errors import EdgeError, ShapeError, UnknownFrameError
+from jaxframes.errors import EdgeError, ShapeError, UnknownFrameError, UnknownJointError
 
 E = jf.edges
 
@@ -81,3 +81,19 @@ def test_reprs_are_a_line():
         assert len(text) < 300, text
         assert "\n" not in text
     assert texts[1] == "Attachments(40 frames)"
+
+
+def test_names_of_the_other_kind_and_things_that_are_no_states():
+    b = jf.TreeBuilder(root="world")
+    b.add("link", parent="world", edge=jf.edges.Revolute(axis=(0, 0, 1)), joint="j1")
+    b.add("tool", parent="link", edge=jf.edges.Fixed())
+    tree = b.build()
+    with pytest.raises(UnknownFrameError, match=r"no frame 'j1'\. There is a joint of that name: the frame below it is 'link'"):
+        tree.transform(tree.state(), of="j1", relative_to="world")
+    with pytest.raises(UnknownJointError, match=r"no joint 'link'\. There is a frame of that name: the joint above it is 'j1'"):
+        tree.state(q={"link": 1.0})
+    with pytest.raises(UnknownJointError, match="no joint 'tool'"):
+        tree.state(q={"tool": 1.0})
+    for state in ({"q": [0.0]}, [0.0], None):
+        with pytest.raises(ShapeError, match=r"a query takes a state, made by tree\.state\(\.\.\.\), and found"):
+            tree.transform(state, of="link", relative_to="world")
