@@ -96,7 +96,7 @@ def repeats(topology: Topology, frames: Sequence[int], most: int) -> Repeats | N
 
 def along_path(tree: Structure, up: Sequence[int], down: Sequence[int]) -> str:
     """Return text on how poses and motions along a path are worked out, from the frames on both sides of the common ancestor."""
-    poses, motions = (" and ".join(_side(tree, side, order) for side in (up, down) if side) for order in (0, 2))
+    poses, motions = (" and ".join(dict.fromkeys(_side(tree, side, order) for side in (up, down) if side)) for order in (0, 2))
     if not poses:
         return "nothing to compose"
     return f"composed {poses}" if poses == motions else f"composed {poses}; motions {motions}"

@@ -97,3 +97,11 @@ def test_names_of_the_other_kind_and_things_that_are_no_states():
     for state in ({"q": [0.0]}, [0.0], None):
         with pytest.raises(ShapeError, match=r"a query takes a state, made by tree\.state\(\.\.\.\), and found"):
             tree.transform(state, of="link", relative_to="world")
+
+
+def test_a_path_up_and_down_is_explained_once():
+    b = jf.TreeBuilder(root="world")
+    for name in ("a", "b"):
+        b.add(name, parent="world", edge=jf.edges.Revolute(axis=(0, 0, 1)))
+    said = b.build().explain(of="a", relative_to="b").splitlines()[0]
+    assert said.endswith("composed one after another")
