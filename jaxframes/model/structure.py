@@ -165,9 +165,7 @@ class Structure(ABC):
         declared = self.topology.names_of(self.topology.children[self.topology.index(name)])
         if state is None:
             return declared
-        here = self.attached_to(state)
-        if any(not isinstance(parent, str) for parent in here.values()):
-            raise ShapeError(f"the children of {name!r} differ over a batch of states; ask one state at a time, or tree.attached_to(state)")
+        here = self._attached_in_one(state, name)
         fixed = tuple(child for child in declared if child not in here)
         return fixed + tuple(child for child, parent in here.items() if parent == name)
 
@@ -179,12 +177,18 @@ class Structure(ABC):
 
     def attached_to(self, state: State) -> dict[str, Any]:
         """Return the parent of each attachable frame: its name, or an array of frame indices [...] for a batch or a trace."""
-        found: dict[str, Any] = {}
-        for row, frame in enumerate(self.topology.attachables):
-            parents = self.attachments_in(state).parents[..., row]
-            single = is_concrete(parents) and parents.ndim == 0
-            found[self.names[frame]] = self._name_of(int(parents)) if single else parents
-        return found
+        names = self.topology.names_of(self.topology.attachables)
+        parents = self.attachments_in(state).parents if names else None
+        if parents is None or (parents.ndim == 1 and is_concrete(parents)):
+            return dict(zip(names, map(self._name_of, () if parents is None else np.asarray(parents).tolist()), strict=True))
+        return {name: parents[..., row] for row, name in enumerate(names)}
+
+    def _attached_in_one(self, state: State, name: str) -> dict[str, str]:
+        """Return what ``attached_to`` does, for questions about one instant (ShapeError for a batch)."""
+        here = self.attached_to(state)
+        if any(not isinstance(parent, str) for parent in here.values()):
+            raise ShapeError(f"the children of {name!r} differ over a batch of states; ask one state at a time, or tree.attached_to(state)")
+        return here
 
     def attachments_in(self, state: State) -> Attachments:
         """Return a state's attachments (ShapeError if they are not those of this tree)."""
@@ -229,9 +233,12 @@ class Structure(ABC):
         """Return a frame and all frames below it, in order of declaration; with a state (arguments as for ``ancestors``), those there."""
         if state is None or not self.topology.attachables:
             return self.topology.names_of(self.topology.subtree(self.topology.index(name)))
+        here, below = self._attached_in_one(state, name), dict[str, list[str]]()
+        for frame, parent in zip(self.names[1:], self.topology.parents[1:], strict=True):
+            below.setdefault(here.get(frame, self.names[parent]), []).append(frame)
         found, ahead = {name}, [name]
         while ahead:
-            for child in self.children(ahead.pop(), state):
+            for child in below.get(ahead.pop(), ()):
                 if child in found:
                     raise TopologyError(f"frame {child!r} hangs on a cycle in this state; tree.check(state) says where")
                 found.add(child)

@@ -71,6 +71,11 @@ def sin_cos(x: Component) -> Pair:
     return tuple(run(_SinCos(), x))  # pyright: ignore[reportReturnType]
 
 
+def numpy_sin_cos(x: Any) -> Any:
+    """Return (sin x, cos x) of NumPy numbers: a ``Half`` for arithmetic on the host."""
+    return np.sin(x), np.cos(x)
+
+
 @dataclass(frozen=True)
 class _SinCos(Operation):
     """The pair, element by element."""

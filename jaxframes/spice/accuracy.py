@@ -9,13 +9,13 @@ from jaxframes.numerics import host_quaternions
 from jaxframes.spice.reading.pool import KernelPool
 from jaxframes.spice.reading.process import CspiceError
 from jaxframes.tables import host_evaluate
+from jaxframes.tables.formulas import CENTURY
 from jaxframes.tables.records import HostRecordTable
 
 Measured = tuple[tuple[str, float], ...]
 EPOCHS = 200
 SLOPES = 60  # epochs at which accelerations are compared: four calls of CSPICE each
 STENCIL = (-2, -1, 1, 2)
-CENTURY = 36525 * 86400.0
 
 
 def positions(

@@ -10,6 +10,7 @@ from jaxframes.numerics.components import IDENTITY, V3, Quat
 from jaxframes.numerics.path_motion import with_halves
 from jaxframes.numerics.rigid import AT_REST
 from jaxframes.numerics.steps import append_all
+from jaxframes.numerics.trig import numpy_sin_cos
 from jaxframes.tables import formulas
 from jaxframes.tables.formulas import Functions
 from jaxframes.tables.records import HostRecordTable
@@ -18,17 +19,12 @@ Motion = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Value, rate and acceleration at epochs: positions or quaternions [n, 3 | 4], then [n, 3] each."""
 
 
-def sin_cos(angle: Any) -> tuple[Any, Any]:
-    """Return sine and cosine."""
-    return np.sin(angle), np.cos(angle)
-
-
 def _turns(rate: Any, rate_low: Any, hi: Any, lo: Any) -> Any:
     product = host_two_part.multiply((hi, lo), (np.full_like(hi, rate), np.full_like(hi, rate_low)))
     return (product[0] - 2 * np.round(product[0] / 2)) + product[1]
 
 
-NUMPY = Functions(sin_cos, np.sqrt, _turns)
+NUMPY = Functions(numpy_sin_cos, np.sqrt, _turns)
 
 
 def since(times: np.ndarray, reference: int) -> host_two_part.Pair:
@@ -65,7 +61,7 @@ def summed(record_tables: Sequence[HostRecordTable], past: host_two_part.Pair) -
 def euler(angles: Sequence[np.ndarray], placement: np.ndarray) -> Motion:
     """Return the attitude of angles (phi, theta, psi) [n, 3] with their derivatives: placement Rz(phi) Rx(theta) Rz(psi)."""
     steps = formulas.euler_steps(Quat(*placement), tuple(V3(*x.T) for x in angles))
-    motion = append_all(AT_REST, with_halves(steps, sin_cos), 2)
+    motion = append_all(AT_REST, with_halves(steps, numpy_sin_cos), 2)
     return _attitude([motion.rotation, motion.angular, motion.angular2])
 
 

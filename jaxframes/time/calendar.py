@@ -178,21 +178,19 @@ def text_of(day: int, ticks: int, digits: int, form: str, leap: bool = False) ->
         units, places = 10 ** (digits + 6), digits + 6  # a unit of the last place is a twelfth of that of a second
         count = round(whole * units)
         return f"JD {count // units}.{count % units:0{places}d}"
+    written, clock = date_text(day, form), clock_text(ticks, digits)
+    if written is None:
+        return None
+    return f"{written}T{clock[:6]}60{clock[8:]}" if leap else f"{written}T{clock}"
+
+
+def date_text(day: int, form: str = "calendar") -> str | None:
+    """Return a day past 2000-01-01 as a calendar or ordinal date, None where the calendar of four-digit years ends."""
     try:
         date = J2000 + datetime.timedelta(days=day)
     except OverflowError:
         return None
-    written = date.isoformat() if form == "calendar" else f"{date.year:04d}-{date.timetuple().tm_yday:03d}"
-    clock = clock_text(ticks, digits)
-    return f"{written}T{clock[:6]}60{clock[8:]}" if leap else f"{written}T{clock}"
-
-
-def date_text(day: int) -> str | None:
-    """Return a day past 2000-01-01 as a date, None where the calendar of four-digit years ends."""
-    try:
-        return (J2000 + datetime.timedelta(days=day)).isoformat()
-    except OverflowError:
-        return None
+    return date.isoformat() if form == "calendar" else f"{date.year:04d}-{date.timetuple().tm_yday:03d}"
 
 
 def clock_text(ticks: int, digits: int) -> str:

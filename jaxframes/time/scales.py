@@ -171,11 +171,6 @@ SHIPPED_LEAP_SECONDS = LeapSeconds(
 )
 
 
-def utc_seconds(text: str, leap_seconds: LeapSeconds = SHIPPED_LEAP_SECONDS) -> Fraction:
-    """Return the seconds past J2000 TDB of calendar text in UTC, such as ``2026-03-01T00:00:00.5`` (FrameError)."""
-    return leap_seconds.tdb_of_utc(text)
-
-
 def _sum(hi: Any, lo: Any, small: Any) -> tuple[Any, Any]:
     """Return hi + lo + small in two parts."""
     total, error = two_sum(hi, jnp.broadcast_to(jnp.asarray(small, hi.dtype), jnp.shape(hi)))

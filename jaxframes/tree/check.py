@@ -1,11 +1,12 @@
 """Checks on the host: which numbers of a tree or a state are wrong, said by name."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import jax
 import numpy as np
 
+from jaxframes.edges.base import Edge
 from jaxframes.model.attachment_graph import hangs_on
 from jaxframes.model.state import State
 from jaxframes.tables.placing import misplaced
@@ -14,9 +15,10 @@ from jaxframes.tree.states import States
 
 def check(tree: States, state: State) -> tuple[str, ...]:
     """Return one sentence for each thing that is wrong."""
-    frames = ((name, tree.parent(name) if name != tree.root else None, tree.edges.get(name), tree.properties[name]) for name in tree.names)
+    edges = tree.edges
+    frames = ((name, tree.parent(name) if name in edges else None, edges.get(name), tree.properties[name]) for name in tree.names)
     return (
-        *_edges(tree),
+        *_edges(edges),
         *misplaced(frames),
         *_joints(tree, state),
         *_prescribed(tree, state),
@@ -44,8 +46,8 @@ def _norm_off(wxyz: Any) -> Any:
     return np.abs(np.linalg.norm(wxyz.astype(np.float64), axis=-1) - 1) > 64 * np.finfo(wxyz.dtype).eps
 
 
-def _edges(tree: States) -> Iterator[str]:
-    for name, edge in tree.edges.items():
+def _edges(edges: Mapping[str, Edge]) -> Iterator[str]:
+    for name, edge in edges.items():
         about = f"frame {name!r}: a parameter of its edge ({edge.describe()})"
         for path, leaf in jax.tree_util.tree_flatten_with_path(edge.checkable())[0]:
             values = np.asarray(leaf)

@@ -19,6 +19,7 @@ from jaxframes.numerics.components import V3, Quat
 from jaxframes.numerics.path_motion import with_halves
 from jaxframes.numerics.rigid import AT_REST, Rigid
 from jaxframes.numerics.steps import Step, append_all
+from jaxframes.numerics.trig import numpy_sin_cos
 from jaxframes.spatial import Motion
 from jaxframes.staging.columns import OnHost
 from jaxframes.tree import FrameTree
@@ -104,7 +105,7 @@ class _Reader:
             held = _motion(self.state.prescribed, [self.tree.topology.prescribed[frame] for frame in members], self.rank)
         q, qd, qdd = self._coordinates(members, edge)
         inputs = Inputs(q, qd, qdd, self._time(len(members)), held, self.rank + 1)
-        return append_all(AT_REST, with_halves(map(_on_numpy, edge.steps(inputs, order)), _sin_cos), order)
+        return append_all(AT_REST, with_halves(map(_on_numpy, edge.steps(inputs, order)), numpy_sin_cos), order)
 
     def _time(self, count: int) -> tuple[jax.Array, jax.Array] | None:
         time = self.state.time
@@ -153,10 +154,6 @@ class _Reader:
 
     def _extent(self) -> tuple[int, ...]:
         return np.broadcast_shapes(*(array.shape[:-1] for array in self.arrays), (1,) * self.rank)
-
-
-def _sin_cos(angle: Any) -> tuple[Any, Any]:
-    return np.sin(angle), np.cos(angle)
 
 
 def _on_numpy(step: Step) -> Step:
