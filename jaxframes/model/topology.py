@@ -151,7 +151,7 @@ class Topology:
             if isinstance(name, str):
                 below = self.edge_index.get(name)
                 other = "" if below is None else f" There is a joint of that name: the frame below it is {self.names[below]!r}."
-                raise UnknownFrameError(f"the tree has no frame {name!r}.{other or suggest(name, self.names)}") from None
+                raise UnknownFrameError(f"the tree has no frame {name!r}.{other}{suggest(name, self.names)}") from None
             found = f"an array of {name.dtype}{list(name.shape)}" if isinstance(name, (np.ndarray, jax.Array)) else repr(name)
             raise UnknownFrameError(f"a frame is asked for by its name, found {found}; tree.names[i] is the name of frame i") from None
 
@@ -171,7 +171,7 @@ class Topology:
                 raise UnknownJointError(f"joint {name!r} is fixed: it has no coordinates") from None
             above = self.edge_names[self.index_of[name]] if isinstance(name, str) and name in self.index_of else None
             other = f" There is a frame of that name: the joint above it is {above!r}." if above is not None else ""
-            raise UnknownJointError(f"the tree has no joint {name!r}.{other or suggest(str(name), self.joint_names)}") from None
+            raise UnknownJointError(f"the tree has no joint {name!r}.{other}{suggest(str(name), self.joint_names)}") from None
 
     def ancestors(self, frame: int) -> Iterator[int]:
         """Yield a frame, its parent, and so on to the root."""
