@@ -28,12 +28,13 @@ def bundle(pool: KernelPool, source: KernelSource, bodies: Sequence[Any], frames
         SpiceError: If a frame is given by something else.
         NoPathError: If the kernels do not connect them.
     """
-    top = _meeting_body(pool, source, bodies, frames) if root is None else pool.body(root, "root")
+    ids = [pool.body(body, "body") for body in bodies]
+    top = _meeting_body(pool, source, ids, frames) if root is None else pool.body(root, "root")
     name = pool.body_name(top)
     builder = TreeBuilder(root=name)
     builder.set_properties(name, {"spice_body": top, "spice_frame": J2000, "spice_body_name": name, "spice_frame_name": "J2000"})
-    for body in bodies:
-        own = source.own_axes(pool.body(body, "body"))
+    for body in ids:
+        own = source.own_axes(body)
         place(builder, source, body, J2000 if own is None else own[0])
     for frame in frames:
         if isinstance(frame, (tuple, list)):
@@ -43,11 +44,10 @@ def bundle(pool: KernelPool, source: KernelSource, bodies: Sequence[Any], frames
     return builder.build()
 
 
-def _meeting_body(pool: KernelPool, source: KernelSource, bodies: Sequence[Any], frames: Sequence[Any]) -> int:
+def _meeting_body(pool: KernelPool, source: KernelSource, bodies: Sequence[int], frames: Sequence[Any]) -> int:
     """Return the last body that the positions of all bodies asked for are relative to; the SSB where there is none, or they differ."""
-    asked = [pool.body(body, "body") for body in bodies]
-    asked += [pool.body(_pair(f)[0], "frames") if isinstance(f, (tuple, list)) else pool.frame(f).center for f in frames]
-    tops = {source.chain(body, ())[-1] for body in asked}
+    at = [pool.body(_pair(f)[0], "frames") if isinstance(f, (tuple, list)) else pool.frame(f).center for f in frames]
+    tops = {source.chain(body, ())[-1] for body in (*bodies, *at)}
     return tops.pop() if len(tops) == 1 else 0
 
 

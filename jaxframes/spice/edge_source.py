@@ -86,7 +86,7 @@ class KernelSource(EdgeSource):
         own = self.own_axes(body)
         if own is not None:
             return own[0]
-        found = None if 0 <= body < 10 else self._pool.default_frame(body)
+        found = None if body < 10 else self._pool.default_frame(body)
         return J2000 if found is None else found
 
     def centered(self, body: int, frame: int) -> bool:

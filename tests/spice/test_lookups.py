@@ -139,3 +139,15 @@ def test_trees_are_rooted_where_the_data_meet(paths, tmp_path, rng, cspice):
             kernels.tree(bodies=["MOON"], root="NOWHERE")
     with jf.spice.Kernels([p for p in paths if not p.endswith(".bsp")]) as kernels:
         assert kernels.tree(frames="ITRF93", **SPAN).names == ("EARTH", "ITRF93")
+
+
+def test_spacecraft_have_j2000_axes_whatever_frame_is_theirs(tmp_path, rng):
+    """Their attitudes may have gaps, so the frame that an association kernel gives them is taken only by name."""
+    spk = made.nodes(tmp_path / "craft.bsp", 13, -977, 499, 820497600.0 + np.arange(20) * 60.0, rng.normal(size=(20, 6)) * 1e3, 7)
+    text = tmp_path / "association.tf"
+    text.write_text(text_kernel("OBJECT_-977_FRAME = 'IAU_MARS'", "OBJECT_499_FRAME = 'IAU_MARS'"))
+    with jf.spice.Kernels([spk, PCK, text]) as kernels:
+        builder = jf.TreeBuilder(root="MARS")
+        assert builder.add_spice(kernels, body=-977) == "-977"
+        assert builder.names == ("MARS", "-977")
+        assert builder.add_spice(kernels, body="MARS") == "IAU_MARS"
