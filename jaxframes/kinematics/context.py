@@ -208,7 +208,7 @@ class Context:
         self.check(members[0])
         reading = replace(self.reading, rank=len(self.shape) + 1)
         edge = reading.edge(self.tree.together(group).normalized())
-        return self.given_source(edge.steps(Inputs(time=self.times(len(members)), batch_rank=reading.rank), self.order), reading)
+        return self.precomputed_input(edge.steps(Inputs(time=self.times(len(members)), batch_rank=reading.rank), self.order), reading)
 
     def times(self, count: int) -> tuple[jax.Array, jax.Array]:
         """Return the epoch in two parts, for so many edges [*batch, n_edges]."""
@@ -216,8 +216,8 @@ class Context:
         hi, lo = (jnp.broadcast_to(part[..., None], (*part.shape, count)) for part in self.time)
         return hi, lo
 
-    def given_source(self, steps: tuple[Step, ...], reading: Reading) -> TracedInput:
-        """Return steps that were worked out before as a source, without unit twists."""
+    def precomputed_input(self, steps: tuple[Step, ...], reading: Reading) -> TracedInput:
+        """Return steps that were worked out before as a traced input, without unit twists."""
         operands = Operands()
         given = PrecomputedSteps(operands.components(steps), operands.components([]))
         return TracedInput(PathSteps((given,), reading), tuple(operands.arrays))

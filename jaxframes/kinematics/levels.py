@@ -166,7 +166,7 @@ def _family_steps(context: Context, group: int, frames: list[int]) -> TracedInpu
     followed = () if follows else _followed(context, frames, operands)
     recipe = FamilySteps(topology.groups[group], numbers, tuple(kept), counts, None, reading, followed, follows)
     if edge.needs_time:
-        return context.given_source(recipe.steps(operands.arrays, context.times(len(frames))), reading)
+        return context.precomputed_input(recipe.steps(operands.arrays, context.times(len(frames))), reading)
     return TracedInput(recipe, tuple(operands.arrays))
 
 
