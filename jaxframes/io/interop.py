@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import MissingExtraError, ShapeError
-from jaxframes.numerics.components import V3, Quat, rotate_inverse
+from jaxframes.numerics.components import V3, Quat, quat_conj, quat_from, quat_mul, quat_norm2, rotate_inverse
 from jaxframes.numerics.lift import lift
 from jaxframes.spatial.rotation import Rotation
 from jaxframes.spatial.transform import Transform
@@ -62,6 +62,34 @@ def transform_to_numpy_matrix(transform: Transform) -> np.ndarray:
 def transform_from_numpy_matrix(matrix: Any) -> Transform:
     """Return the poses of homogeneous matrices [..., 4, 4]."""
     return Transform.from_matrix(matrix)
+
+
+# ---------------------------------------------------------------------- dual quaternions
+def transform_to_dual_quaternion_wxyz(transform: Transform) -> jax.Array:
+    """Return unit dual quaternions [..., 8]: the rotation q, scalar first, then half of (0, translation) q, as in pytransform3d."""
+    return _dual(transform.rotation.wxyz, transform.translation)
+
+
+def transform_from_dual_quaternion_wxyz(dual_quaternion: Any) -> Transform:
+    """Return the poses of dual quaternions [..., 8], both parts scalar first.
+
+    They may have any norm; of the dual part what is not perpendicular to the real one has no meaning for a pose and is left out.
+    """
+    array = as_float(dual_quaternion)
+    if array.ndim == 0 or array.shape[-1] != 8:
+        raise ShapeError(f"a dual quaternion has shape [..., 8]; found {array.shape}")
+    rotation = Rotation.from_quaternion_wxyz(array[..., :4])
+    return Transform(rotation, _translation(array[..., :4], array[..., 4:]))
+
+
+@lift(Quat, V3, out=tuple)
+def _dual(q: Quat, p: V3) -> tuple[Any, ...]:
+    return (*q, *(0.5 * part for part in quat_mul(quat_from(0.0, p), q)))
+
+
+@lift(Quat, Quat, out=V3)
+def _translation(real: Quat, dual: Quat) -> V3:
+    return quat_mul(dual, quat_conj(real)).vector * (2.0 / quat_norm2(real))
 
 
 # ---------------------------------------------------------------------- SciPy

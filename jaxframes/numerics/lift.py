@@ -29,7 +29,7 @@ def lift(*kinds: Kind, out: Kind | tuple[Kind, ...]) -> Callable[[Callable[..., 
         kinds: The kind of every argument.
         out: The kind of the result, or a tuple of kinds for a function that returns a tuple.
 
-    The function made raises ``ShapeError`` where the last axis of an argument does not fit its kind.
+    The function made raises ``ShapeError`` where the last axis of an argument does not fit its kind, or leading axes do not broadcast.
     """
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -39,7 +39,7 @@ def lift(*kinds: Kind, out: Kind | tuple[Kind, ...]) -> Callable[[Callable[..., 
             for a, kind in zip(arrays, kinds, strict=True):
                 _check(function, a, kind)
             batches = [a.shape[: a.ndim - (kind is not None)] for a, kind in zip(arrays, kinds, strict=True)]
-            shape, dtype = jnp.broadcast_shapes(*batches), arrays[0].dtype
+            shape, dtype = _broadcast(function, batches), arrays[0].dtype
 
             def on_arrays(*arrays: jax.Array) -> Any:
                 parts = (_split(a, kind, batch, len(shape)) for a, kind, batch in zip(arrays, kinds, batches, strict=True))
@@ -59,11 +59,18 @@ def lift(*kinds: Kind, out: Kind | tuple[Kind, ...]) -> Callable[[Callable[..., 
     return decorate
 
 
+def _broadcast(function: Callable[..., Any], batches: list[tuple[int, ...]]) -> tuple[int, ...]:
+    try:
+        return jnp.broadcast_shapes(*batches)
+    except ValueError:
+        found = " and ".join(map(str, dict.fromkeys(batches)))
+        raise ShapeError(f"{function.__name__.strip('_')}: batch shapes {found} do not broadcast") from None
+
+
 def _check(function: Callable[..., Any], array: jax.Array, kind: Kind) -> None:
     wanted = {V3: 3, Quat: 4}.get(kind)  # type: ignore[call-overload]
     if kind is not None and (array.ndim == 0 or wanted not in (None, array.shape[-1])):
-        name = function.__name__.strip("_")
-        raise ShapeError(f"{name}: an array of shape [..., {wanted or 'k'}] is needed; found {array.shape}")
+        raise ShapeError(f"{function.__name__.strip('_')}: an array of shape [..., {wanted or 'k'}] is needed; found {array.shape}")
 
 
 def _split(array: jax.Array, kind: Kind, batch: tuple[int, ...], rank: int) -> Any:

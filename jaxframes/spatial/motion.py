@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxframes.errors import FrameError
 from jaxframes.numerics import rigid
 from jaxframes.numerics.batch import tag
-from jaxframes.numerics.components import V3, Quat, cross, rotate, rotate_inverse
+from jaxframes.numerics.components import V3, Quat, cross, renormalized, rotate, rotate_inverse
 from jaxframes.numerics.lift import lift
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.spatial import so3
@@ -153,14 +153,18 @@ def _fields(m: Rigid) -> tuple[Any, ...]:
     return m.rotation, m.translation, m.angular, m.linear, m.angular2, m.linear2
 
 
+def _product(m: Rigid) -> tuple[Any, ...]:
+    return renormalized(m.rotation), *_fields(m)[1:]
+
+
 @lift(*_KINDS, *_KINDS, out=_KINDS)
 def _compose(*parts: Any) -> tuple[Any, ...]:
-    return _fields(rigid.compose(Rigid(*parts[:6]), Rigid(*parts[6:]), 2))
+    return _product(rigid.compose(Rigid(*parts[:6]), Rigid(*parts[6:]), 2))
 
 
 @lift(*_KINDS, *_KINDS, out=_KINDS)
 def _relative(*parts: Any) -> tuple[Any, ...]:
-    return _fields(rigid.relative(Rigid(*parts[:6]), Rigid(*parts[6:]), 2))
+    return _product(rigid.relative(Rigid(*parts[:6]), Rigid(*parts[6:]), 2))
 
 
 @lift(*_KINDS, out=_KINDS)

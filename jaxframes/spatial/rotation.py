@@ -6,13 +6,12 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
-from jaxframes.errors import FrameError, ShapeError
 from jaxframes.numerics.batch import tag
-from jaxframes.spatial import rotation_ops
+from jaxframes.spatial import averages, rotation_ops
+from jaxframes.spatial.refusals import AMBIGUOUS, MIRRORED, NOWHERE, ZERO, matrix_of, nine, rotations
 from jaxframes.spatial.value import Based, Value
-from jaxframes.staging.arrays import as_float, is_concrete
+from jaxframes.staging.arrays import as_float
 
 
 @jax.tree_util.register_dataclass
@@ -21,8 +20,8 @@ class Rotation(Value):
     """The rotation of a frame b relative to a frame a: maps b-coordinates of vectors to a-coordinates, ``a_v = a_R_b @ b_v``.
 
     Columns of its matrix are the axes of b in a. ``wxyz`` [..., 4] is a unit quaternion, scalar first; q and -q are the same
-    rotation. Products are not renormalised: after n of them the norm is off by about sqrt(n) rounding errors, n at worst;
-    ``.normalize()`` restores it. ``Rotation(wxyz)`` itself takes the numbers as they are, the constructors below normalise.
+    rotation. Products stay unit to rounding, however many there are: each is brought back by one Newton step. ``Rotation(wxyz)``
+    itself takes the numbers as they are (``.normalize()`` helps), the constructors below normalise.
 
     Gradients: smooth wherever the operation is; the exceptions are said at each method.
     """
@@ -40,35 +39,35 @@ class Rotation(Value):
     @classmethod
     def from_quaternion_wxyz(cls, wxyz: Any) -> "Rotation":
         """Return the rotation of quaternions [..., 4], scalar first, normalised (FrameError for zero; under jit NaN)."""
-        return cls(_rotations(rotation_ops.normalized(wxyz), (wxyz,), ZERO))
+        return cls(rotations(rotation_ops.normalized(wxyz), (wxyz,), ZERO))
 
     @classmethod
     def from_quaternion_xyzw(cls, xyzw: Any) -> "Rotation":
         """Return the rotation of quaternions [..., 4], scalar last (ROS, KDL, SciPy), normalised (FrameError for zero; under jit NaN)."""
-        return cls(_rotations(rotation_ops.normalized_xyzw(xyzw), (xyzw,), ZERO))
+        return cls(rotations(rotation_ops.normalized_xyzw(xyzw), (xyzw,), ZERO))
 
     @classmethod
     def from_matrix(cls, matrix: Any) -> "Rotation":
         """Return the rotation of matrices [..., 3, 3].
 
         Every rotation is met with full accuracy. An almost orthonormal matrix gives a unit quaternion all the same; one farther from a
-        rotation, a scale or a shear, gives one that means little.
+        rotation, a scale or a shear, gives one that means little: see ``nearest``.
 
         Raises:
             FrameError: A matrix is a reflection or flat: its determinant is not positive. Under jit value and gradient are NaN.
             ShapeError: It is no array [..., 3, 3].
         """
-        return cls(_rotations(rotation_ops.from_matrix(_nine(matrix)), (matrix,), MIRRORED))
+        return cls(rotations(rotation_ops.from_matrix(nine(matrix)), (matrix,), MIRRORED))
 
     @classmethod
     def from_rows(cls, x: Any, y: Any, z: Any) -> "Rotation":
         """Return the rotation whose matrix has the rows x, y, z [..., 3]: the axes of a in b (errors as ``from_matrix``)."""
-        return cls(_rotations(rotation_ops.from_rows(x, y, z), (x, y, z), MIRRORED))
+        return cls(rotations(rotation_ops.from_rows(x, y, z), (x, y, z), MIRRORED))
 
     @classmethod
     def from_columns(cls, x: Any, y: Any, z: Any) -> "Rotation":
         """Return the rotation whose matrix has the columns x, y, z [..., 3]: the axes of b in a (errors as ``from_matrix``)."""
-        return cls(_rotations(rotation_ops.from_columns(x, y, z), (x, y, z), MIRRORED))
+        return cls(rotations(rotation_ops.from_columns(x, y, z), (x, y, z), MIRRORED))
 
     @classmethod
     def from_axis_angle(cls, axis: Any, angle: Any) -> "Rotation":
@@ -118,13 +117,60 @@ class Rotation(Value):
         return cls(rotation_ops.from_zyz(z1, y, z2))
 
     @classmethod
+    def from_euler(cls, sequence: str, angles: Any) -> "Rotation":
+        """Return the product of turns about coordinate axes.
+
+        Args:
+            sequence: One to three letters, neighbours different. Upper case, ``"ZXZ"``: each turn is about an axis that the turns before
+                have moved (intrinsic). Lower case, ``"xyz"``: about axes that stay (extrinsic). As in SciPy.
+            angles: [..., n] in rad, in the order of the letters; [...] for one letter.
+
+        Raises:
+            FrameError: The sequence is none.
+            ShapeError: The angles are not as many as the letters.
+        """
+        return cls(rotation_ops.from_euler(sequence, angles))
+
+    @classmethod
+    def from_mrp(cls, parameters: Any) -> "Rotation":
+        """Return the rotation of modified Rodrigues parameters [..., 3]: axis times tan(angle / 4) (Schaub and Junkins 1996)."""
+        return cls(rotation_ops.from_mrp(parameters))
+
+    @classmethod
+    def nearest(cls, matrix: Any) -> "Rotation":
+        """Return the rotation nearest to any matrices [..., 3, 3], in the Frobenius norm: what a noisy matrix meant.
+
+        Errors and derivatives grow as one over the sum of the two smallest singular values, the last negative for a reflection; where
+        it is zero several rotations are equally near: a FrameError, under jit NaN.
+        """
+        return cls(rotations(averages.nearest(nine(matrix)), (matrix,), AMBIGUOUS))
+
+    @classmethod
+    def align_vectors(cls, in_a: Any, in_b: Any, weights: Any = None) -> "Rotation":
+        """Return ``a_R_b`` that best takes vectors known in b to the same ones measured in a: Wahba's problem (1965).
+
+        It makes the sum of ``weights * |in_a - R @ in_b|^2`` least, by the largest eigenvector of Davenport's matrix (Keat 1977), and has
+        the derivatives of that.
+
+        Args:
+            in_a: Vectors [..., n, 3] along a's axes, of any lengths.
+            in_b: The same vectors [..., n, 3] along b's axes.
+            weights: [..., n], 1 / variance of each; default: equal.
+
+        Raises:
+            FrameError: Several rotations fit equally well: fewer than two directions that differ. Under jit value and gradient are NaN.
+            ShapeError: The vectors or weights are not equally many.
+        """
+        return cls(rotations(averages.align_vectors(in_a, in_b, weights), (in_a, in_b), AMBIGUOUS))
+
+    @classmethod
     def from_two_vectors(cls, start: Any, end: Any) -> "Rotation":
         """Return the smallest rotation that takes the direction ``start`` [..., 3] to the direction ``end`` [..., 3].
 
         Opposite directions turn by pi about an axis perpendicular to ``start`` and to the coordinate axis farthest from it;
         a zero vector is a FrameError, under jit NaN.
         """
-        return cls(_rotations(rotation_ops.between(start, end), (start, end), NOWHERE))
+        return cls(rotations(rotation_ops.between(start, end), (start, end), NOWHERE))
 
     @classmethod
     def random(cls, key: jax.Array, batch: Sequence[int] = (), dtype: Any = None) -> "Rotation":
@@ -184,6 +230,26 @@ class Rotation(Value):
         """
         return rotation_ops.to_zyz(self.wxyz)
 
+    def to_euler(self, sequence: str) -> jax.Array:
+        """Return the angles [..., 3] (rad) whose ``from_euler`` this is.
+
+        Args:
+            sequence: Three letters, as for ``from_euler``.
+
+        The middle angle is in [0, pi] where first and last axis are one ("ZXZ"), else in [-pi/2, pi/2]; the others are in (-pi, pi].
+        Where it is at an end within rounding, the last angle of upper-case letters, the first of lower-case ones is 0, with derivatives
+        as for ``to_rpy``.
+        """
+        return rotation_ops.to_euler(sequence, self.wxyz)
+
+    def to_mrp(self) -> jax.Array:
+        """Return the modified Rodrigues parameters [..., 3] of length at most 1: axis times tan(angle / 4), angle at most pi."""
+        return rotation_ops.to_mrp(self.wxyz)
+
+    def canonical(self) -> "Rotation":
+        """Return the same rotation with w >= 0; where w is 0 to rounding, with the largest of x, y, z positive, the last of equal ones."""
+        return Rotation(rotation_ops.canonical(self.wxyz))
+
     def unit_x(self) -> jax.Array:
         """Return the x axis of b in a [..., 3]: the first column of the matrix."""
         return rotation_ops.unit_x(self.wxyz)
@@ -222,12 +288,16 @@ class Rotation(Value):
     def __mul__(self, other: Any) -> Any:
         raise TypeError(f"a Rotation is not multiplied by *, found {type(other).__name__}: compose and apply by @, as in R @ v")
 
+    def __pow__(self, exponent: Any) -> "Rotation":
+        """Return the rotation about the same axis by ``exponent`` [...] times the angle, which is at most pi: ``exp(exponent * log)``."""
+        return Rotation(rotation_ops.power(self.wxyz, exponent))
+
     def inverse(self) -> "Rotation":
         """Return ``b_R_a``."""
         return Rotation(rotation_ops.conjugate(self.wxyz))
 
     def normalize(self) -> "Rotation":
-        """Return the same rotation with a unit quaternion, after long products."""
+        """Return the same rotation with a unit quaternion: after ``Rotation(wxyz)`` of other numbers."""
         return Rotation(rotation_ops.normalized(self.wxyz))
 
     def rotate_local_x(self, angle: Any) -> "Rotation":
@@ -247,64 +317,30 @@ class Rotation(Value):
         """Return the angle [...] in [0, pi] of the rotation between two; its derivative where they are equal is set to 0."""
         return rotation_ops.distance(self.wxyz, other.wxyz)
 
-    def slerp(self, other: "Rotation", fraction: Any) -> "Rotation":
-        """Return the rotation at a fraction [...] of the shortest way to another, at constant rate; beyond [0, 1] it extrapolates."""
-        return Rotation(rotation_ops.slerp(self.wxyz, other.wxyz, fraction))
+    def slerp(self, other: "Rotation", fraction: Any, *, long_way: bool = False) -> "Rotation":
+        """Return the rotation at a fraction [...] of the way to another, at constant rate; beyond [0, 1] it extrapolates.
 
-    def mean(self, weights: Any = None, axis: int = 0) -> "Rotation":
-        """Return the mean over a batch axis, with weights [...] of the batch shape (default: equal).
+        Args:
+            other: Where the way ends.
+            fraction: 0 is here, 1 there.
+            long_way: Turn the other way round, by 2 pi less the angle between the two; a full turn about z where they are equal.
+        """
+        return Rotation((rotation_ops.slerp_long if long_way else rotation_ops.slerp)(self.wxyz, other.wxyz, fraction))
+
+    def mean(self, weights: Any = None, axis: int | Sequence[int] = 0) -> "Rotation":
+        """Return the mean over one batch axis or several, with weights that broadcast to the batch shape (default: equal).
 
         The chordal L2 mean: it minimises the weighted sum of |R - R_i|^2 (Frobenius), and is the eigenvector of the largest
         eigenvalue of the sum of w_i q_i q_i^T (Markley et al. 2007), so signs of quaternions do not matter. Unique when that
         eigenvalue is simple: always when all lie within pi/2 of one rotation. Where it is not unique (two rotations by pi apart)
         one minimiser is returned and derivatives are not finite.
+
+        Raises:
+            ShapeError: There is no such batch axis, nothing along it, or the weights do not broadcast.
         """
-        return Rotation(rotation_ops.mean(self.broadcast_to(self.shape).wxyz, weights, axis))
+        return Rotation(averages.mean(self.broadcast_to(self.shape).wxyz, weights, axis))
 
-    @staticmethod
-    def left_jacobian(vector: Any) -> jax.Array:
-        """Return J_l [..., 3, 3] of rotation vectors [..., 3]: exp(v + dv) = exp(J_l dv) exp(v) to first order."""
-        return matrix_of(rotation_ops.left_jacobian(vector))
-
-    @staticmethod
-    def right_jacobian(vector: Any) -> jax.Array:
-        """Return J_r [..., 3, 3] of rotation vectors [..., 3]: exp(v + dv) = exp(v) exp(J_r dv) to first order."""
-        return matrix_of(rotation_ops.right_jacobian(vector))
-
-    @staticmethod
-    def left_jacobian_inv(vector: Any) -> jax.Array:
-        """Return the inverse of J_l [..., 3, 3] of rotation vectors [..., 3]; regular at 0 and at pi, pole at length 2 pi."""
-        return matrix_of(rotation_ops.left_jacobian_inv(vector))
-
-    @staticmethod
-    def right_jacobian_inv(vector: Any) -> jax.Array:
-        """Return the inverse of J_r [..., 3, 3] of rotation vectors [..., 3]; regular at 0 and at pi, pole at length 2 pi."""
-        return matrix_of(rotation_ops.right_jacobian_inv(vector))
-
-
-ZERO = "a quaternion is zero, which is no rotation; the identity is (1, 0, 0, 0)"
-NOWHERE = "a vector is zero, so it has no direction to turn from or to"
-MIRRORED = "a matrix has no positive determinant, so it is a reflection or flat and no rotation: check the order and signs of its axes"
-
-
-def _rotations(wxyz: jax.Array, given: Sequence[Any], otherwise: str) -> jax.Array:
-    """Return quaternions that were made of finite numbers, refusing those that are none (FrameError); what is traced passes."""
-    if all(map(is_concrete, (wxyz, *given))) and np.isnan(found := np.asarray(wxyz)).any():
-        finite = all(np.isfinite(np.asarray(one, float)).all() for one in given)
-        at = [int(i) for i in np.argwhere(np.isnan(found).any(-1))[0]]
-        if finite:
-            raise FrameError(otherwise + (f" (at batch index {', '.join(map(str, at))})" if at else ""))
-    return wxyz
-
-
-def _nine(matrix: Any) -> jax.Array:
-    """Return matrices [..., 3, 3] as rows of nine [..., 9]."""
-    matrix = as_float(matrix)
-    if matrix.shape[-2:] != (3, 3):
-        raise ShapeError(f"a rotation matrix has shape [..., 3, 3]; found {matrix.shape}")
-    return matrix.reshape(*matrix.shape[:-2], 9)
-
-
-def matrix_of(entries: jax.Array, size: int = 3) -> jax.Array:
-    """Return rows of k*k entries [..., k*k] as matrices [..., k, k]."""
-    return entries.reshape(*entries.shape[:-1], size, size)
+    left_jacobian = staticmethod(rotation_ops.left_jacobian)
+    right_jacobian = staticmethod(rotation_ops.right_jacobian)
+    left_jacobian_inv = staticmethod(rotation_ops.left_jacobian_inv)
+    right_jacobian_inv = staticmethod(rotation_ops.right_jacobian_inv)

@@ -1,58 +1,64 @@
 """The operations of Rotation on arrays: each is a function of components, lifted."""
 
+import functools
+import itertools
 from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jax import lax
 
+from jaxframes.errors import FrameError, ShapeError
 from jaxframes.numerics import smooth
-from jaxframes.numerics.components import V3, Quat, cross, dot, quat_conj, quat_from, quat_mul, rotate_inverse, select
+from jaxframes.numerics.components import V3, Quat, cross, dot, quat_conj, quat_from, rotate_inverse, select
 from jaxframes.numerics.components import rotate as rotate_components
 from jaxframes.numerics.lift import lift
 from jaxframes.numerics.smooth import Entry
 from jaxframes.numerics.trig import sin_cos
 from jaxframes.spatial import so3
-from jaxframes.staging.arrays import as_float, common_float
-
-_EXACT = lax.Precision.HIGHEST
-
-
-def mean(quaternions: jax.Array, weights: Any, axis: int) -> jax.Array:
-    """Return the chordal mean [..., 4] of unit quaternions over one batch axis; see ``Rotation.mean``."""
-    q = as_float(quaternions)
-    if weights is not None:
-        q, w = common_float(q, weights)
-        w = jnp.broadcast_to(w, q.shape[:-1])
-    else:
-        w = jnp.ones(q.shape[:-1], q.dtype)
-    axis = axis + q.ndim - 1 if axis < 0 else axis
-    q, w = jnp.moveaxis(q, axis, -2), jnp.moveaxis(w, axis, -1)
-    moment = jnp.einsum("...n,...ni,...nj->...ij", w, q, q, precision=_EXACT)
-    vector = _dominant(moment)
-    # the sign of an eigenvector is free: take the one near the first rotation
-    sign = jnp.where(jnp.sum(vector * q[..., 0, :], -1, keepdims=True) < 0, -1.0, 1.0)
-    return vector * lax.stop_gradient(sign).astype(vector.dtype)
+from jaxframes.spatial.refusals import matrix_of
+from jaxframes.staging.arrays import as_float
 
 
-@jax.custom_jvp
-def _dominant(m: jax.Array) -> jax.Array:
-    """Return the unit eigenvector of the largest eigenvalue of symmetric matrices [..., 4, 4]."""
-    return jnp.linalg.eigh(m)[1][..., :, -1]
+def from_euler(sequence: str, angles: Any) -> jax.Array:
+    """Return the quaternions [..., 4] of turns about the axes that a sequence names; see ``Rotation.from_euler``."""
+    intrinsic = _sequence(sequence)
+    angles = as_float(angles)
+    if len(sequence) == 1 and (angles.ndim == 0 or angles.shape[-1] != 1):
+        angles = angles[..., None]
+    if angles.ndim == 0 or angles.shape[-1] != len(sequence):
+        raise ShapeError(f"from_euler: {sequence!r} takes angles [..., {len(sequence)}]; found {angles.shape}")
+    return _from_euler(sequence.lower() if intrinsic else sequence[::-1])(angles if intrinsic else angles[..., ::-1])
 
 
-@_dominant.defjvp
-def _dominant_jvp(primals: tuple[jax.Array], tangents: tuple[jax.Array]) -> tuple[jax.Array, jax.Array]:
-    """Solve (l I - M + l v v^T) dv = (dM - v v^T dM) v: it needs l to be simple, not the others (unlike eigh's own rule)."""
-    (m,), (dm,) = primals, tangents
-    v = _dominant(m)
-    moved = jnp.einsum("...ij,...j->...i", m, v, precision=_EXACT)
-    value = jnp.sum(v * moved, -1)[..., None, None]
-    outer = v[..., :, None] * v[..., None, :]
-    pushed = jnp.einsum("...ij,...j->...i", (dm + jnp.swapaxes(dm, -1, -2)) * 0.5, v, precision=_EXACT)
-    pushed = pushed - v * jnp.sum(v * pushed, -1, keepdims=True)
-    system = value * (jnp.eye(4, dtype=m.dtype).reshape((1,) * (m.ndim - 2) + (4, 4)) + outer) - m
-    return v, jnp.linalg.solve(system, pushed[..., None])[..., 0]
+def to_euler(sequence: str, wxyz: Any) -> jax.Array:
+    """Return the angles [..., 3] of quaternions about the axes that a sequence names; see ``Rotation.to_euler``."""
+    intrinsic = _sequence(sequence)
+    if len(sequence) != 3:
+        raise FrameError(f"to_euler: a sequence of three letters is needed, as 'ZYX' or 'xyz'; found {sequence!r}")
+    angles = _to_euler(sequence.lower() if intrinsic else sequence[::-1])(wxyz)
+    return angles if intrinsic else angles[..., ::-1]
+
+
+def _sequence(sequence: str) -> bool:
+    """Return whether a sequence of Euler angles is intrinsic (upper case), refusing what is no sequence."""
+    same_case = sequence.isupper() or sequence.islower()
+    known = 1 <= len(sequence) <= 3 and set(sequence.lower()) <= set("xyz")
+    if not (known and same_case) or any(a == b for a, b in itertools.pairwise(sequence)):
+        raise FrameError(
+            f"{sequence!r} is no sequence of Euler angles: one to three of the letters XYZ (axes that move) or xyz (axes that stay), "
+            "neighbours different, as 'ZXZ' or 'xyz'"
+        )
+    return sequence.isupper()
+
+
+@functools.cache
+def _from_euler(axes: str) -> Any:
+    return lift(tuple, out=Quat)(functools.wraps(from_euler)(functools.partial(so3.from_axes, axes)))
+
+
+@functools.cache
+def _to_euler(axes: str) -> Any:
+    return lift(Quat, out=tuple)(functools.wraps(to_euler)(functools.partial(so3.to_axes, axes)))
 
 
 normalized = lift(Quat, out=Quat)(so3.normalized)
@@ -62,7 +68,12 @@ angle = lift(Quat, out=None)(so3.angle)
 to_matrix = lift(Quat, out=tuple)(so3.to_matrix)
 from_matrix = lift(tuple, out=Quat)(so3.from_matrix)
 slerp = lift(Quat, Quat, None, out=Quat)(so3.slerp)
-compose = lift(Quat, Quat, out=Quat)(quat_mul)
+slerp_long = lift(Quat, Quat, None, out=Quat)(so3.slerp_long)
+compose = lift(Quat, Quat, out=Quat)(so3.product)
+distance = lift(Quat, Quat, out=None)(so3.distance)
+canonical = lift(Quat, out=Quat)(so3.upper)
+from_mrp = lift(V3, out=Quat)(so3.from_mrp)
+to_mrp = lift(Quat, out=V3)(so3.to_mrp)
 conjugate = lift(Quat, out=Quat)(quat_conj)
 rotate = lift(Quat, V3, out=V3)(rotate_components)
 rotate_back = lift(Quat, V3, out=V3)(rotate_inverse)
@@ -73,20 +84,28 @@ from_rpy = lift(None, None, None, out=Quat)(so3.from_rpy)
 from_zyz = lift(None, None, None, out=Quat)(so3.from_zyz)
 to_rpy = lift(Quat, out=(None, None, None))(so3.to_rpy)
 to_zyz = lift(Quat, out=(None, None, None))(so3.to_zyz)
-left_jacobian = lift(V3, out=tuple)(so3.left_jacobian)
-left_jacobian_inv = lift(V3, out=tuple)(so3.left_jacobian_inv)
+_left = lift(V3, out=tuple)(so3.left_jacobian)
+_left_inv = lift(V3, out=tuple)(so3.left_jacobian_inv)
 
 
-@lift(V3, out=tuple)
-def right_jacobian(v: V3) -> tuple[Entry, ...]:
-    """Return J_r(v) = J_l(-v)."""
-    return so3.left_jacobian(-v)
+def left_jacobian(vector: Any) -> jax.Array:
+    """Return J_l [..., 3, 3] of rotation vectors [..., 3]: exp(v + dv) = exp(J_l dv) exp(v) to first order."""
+    return matrix_of(_left(vector))
 
 
-@lift(V3, out=tuple)
-def right_jacobian_inv(v: V3) -> tuple[Entry, ...]:
-    """Return the inverse of J_r(v)."""
-    return so3.left_jacobian_inv(-v)
+def right_jacobian(vector: Any) -> jax.Array:
+    """Return J_r [..., 3, 3] of rotation vectors [..., 3]: exp(v + dv) = exp(v) exp(J_r dv) to first order."""
+    return left_jacobian(-as_float(vector))
+
+
+def left_jacobian_inv(vector: Any) -> jax.Array:
+    """Return the inverse of J_l [..., 3, 3] of rotation vectors [..., 3]; regular at 0 and at pi, pole at length 2 pi."""
+    return matrix_of(_left_inv(vector))
+
+
+def right_jacobian_inv(vector: Any) -> jax.Array:
+    """Return the inverse of J_r [..., 3, 3] of rotation vectors [..., 3]; regular at 0 and at pi, pole at length 2 pi."""
+    return left_jacobian_inv(-as_float(vector))
 
 
 @lift(Quat, out=Quat)
@@ -139,10 +158,10 @@ def to_axis_angle(q: Quat) -> tuple[Entry, V3]:
     return so3.angle(q), V3(*axis)
 
 
-@lift(Quat, Quat, out=None)
-def distance(a: Quat, b: Quat) -> Entry:
-    """Return the angle between two rotations."""
-    return so3.angle(quat_mul(quat_conj(a), b))
+@lift(Quat, None, out=Quat)
+def power(q: Quat, exponent: Entry) -> Quat:
+    """Return the rotation about the same axis by so many times the angle."""
+    return so3.exp(so3.log(q) * exponent)
 
 
 @lift(V3, V3, out=Quat)

@@ -1,5 +1,6 @@
 """Rotations as components: exponential, logarithm, Jacobians, and conversions from and to matrices."""
 
+import functools
 import math
 from collections.abc import Sequence
 
@@ -7,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.numerics import smooth
-from jaxframes.numerics.components import V3, Quat, cross, dot, quat_conj, quat_from, quat_mul, select
+from jaxframes.numerics.components import V3, Quat, cross, dot, quat_conj, quat_from, quat_mul, renormalized, select
 from jaxframes.numerics.smooth import Entry
 from jaxframes.numerics.trig import sin_cos
 
@@ -20,6 +21,11 @@ def normalized(q: Quat) -> Quat:
     unit, length = smooth.normalize(tuple(q))
     sound = select(length == 0, float("nan"), 1.0).astype(jnp.asarray(length).dtype)
     return Quat(*(part * sound for part in unit))
+
+
+def product(a: Quat, b: Quat) -> Quat:
+    """Return the product of two unit quaternions, unit to rounding: without the Newton step errors of the norm double in each square."""
+    return renormalized(quat_mul(a, b))
 
 
 def exp(v: V3) -> Quat:
@@ -51,6 +57,19 @@ def upper(q: Quat) -> Quat:
 def angle(q: Quat) -> Entry:
     """Return the angle of rotation in [0, pi]."""
     return 2.0 * smooth.atan2(smooth.norm(tuple(q.vector)), jnp.abs(q.w))
+
+
+def distance(a: Quat, b: Quat) -> Entry:
+    """Return the angle in [0, pi] between two rotations; 0 with derivatives 0 where they are equal.
+
+    With d = b - a, or a + b for the other sign, the vector part of a* b is a_w d_v - d_w a_v - a_v x d_v: at equality exactly zero, where
+    the products themselves leave a residue that has a direction.
+    """
+    w = a.w * b.w + dot(a.vector, b.vector)
+    sign = select(w < 0, -1.0, 1.0)
+    d = Quat(*(y * sign - x for x, y in zip(a, b, strict=True)))
+    u = d.vector * a.w - a.vector * d.w - cross(a.vector, d.vector)
+    return 2.0 * smooth.atan2(smooth.norm(tuple(u)), jnp.abs(w))
 
 
 def to_matrix(q: Quat) -> tuple[Entry, ...]:
@@ -126,7 +145,28 @@ def apply_left_jacobian_inv(v: V3, u: V3) -> V3:
 
 def slerp(a: Quat, b: Quat, t: Entry) -> Quat:
     """Return the rotation at fraction t of the shortest way from a to b, at constant rate."""
-    return quat_mul(a, exp(log(quat_mul(quat_conj(a), b)) * t))
+    return product(a, exp(log(quat_mul(quat_conj(a), b)) * t))
+
+
+def slerp_long(a: Quat, b: Quat, t: Entry) -> Quat:
+    """Return the rotation at fraction t of the long way from a to b: the rotation vector less a whole turn about its axis."""
+    v = log(quat_mul(quat_conj(a), b))
+    nothing = (v.x == 0) & (v.y == 0) & (v.z == 0)
+    axis, _ = smooth.normalize((v.x, v.y, select(nothing, 1.0, v.z)))
+    return product(a, exp((v - V3(*axis) * (2.0 * np.pi)) * t))
+
+
+def from_mrp(p: V3) -> Quat:
+    """Return the quaternion of modified Rodrigues parameters: (1 - p.p, 2 p) / (1 + p.p)."""
+    square = dot(p, p)
+    over = 1.0 / (1.0 + square)
+    return quat_from((1.0 - square) * over, p * (2.0 * over))
+
+
+def to_mrp(q: Quat) -> V3:
+    """Return the modified Rodrigues parameters of length at most 1: the vector part over 1 + w."""
+    q = upper(q)
+    return q.vector * (1.0 / (1.0 + q.w))
 
 
 LOCKED = 1e-12
@@ -182,6 +222,30 @@ def to_zyz(q: Quat) -> tuple[Entry, Entry, Entry]:
     difference = select(tilted == 0.0, total, difference)
     total = select(upright == 0.0, difference, total)
     return wrapped(total + difference), 2.0 * smooth.atan2(tilted, upright), wrapped(total - difference)
+
+
+def from_axes(axes: str, angles: Sequence[Entry]) -> Quat:
+    """Return the product of turns about the axes named, each about an axis that those before it have moved."""
+    about = {"x": about_x, "y": about_y, "z": about_z}
+    turns = [about[axis](angle) for axis, angle in zip(axes, angles, strict=True)]
+    return functools.reduce(product, turns)
+
+
+def to_axes(axes: str, q: Quat) -> tuple[Entry, Entry, Entry]:
+    """Return the angles of turns about three axes, each about an axis that those before it have moved.
+
+    The axes are renamed so that they read z, y, z or z, y, x. What is then called x is opposite to the axis that was where the renaming is
+    a reflection; a turn about it changes its sign, one about the others does not.
+    """
+    first, second = axes[0], axes[1]
+    other = ({"x", "y", "z"} - {first, second}).pop()
+    sign = 1.0 if second + first in ("yz", "zx", "xy") else -1.0  # other x second = first, for a right-handed renaming
+    part = dict(zip("xyz", q.vector, strict=True))
+    renamed = Quat(q.w, part[other] * sign, part[second], part[first])
+    if axes[2] == first:
+        return to_zyz(renamed)
+    x, y, z = to_rpy(renamed)
+    return z, y, x * sign
 
 
 def _polar(x: Entry, y: Entry, lost: float) -> tuple[Entry, Entry]:

@@ -9,7 +9,8 @@ import jax.numpy as jnp
 
 from jaxframes.errors import ShapeError
 from jaxframes.numerics.batch import tag
-from jaxframes.spatial import transform_ops
+from jaxframes.spatial import averages, transform_ops
+from jaxframes.spatial.refusals import matrix_of
 from jaxframes.spatial.rotation import Rotation
 from jaxframes.spatial.twist import Twist, Wrench
 from jaxframes.spatial.value import Value
@@ -107,6 +108,10 @@ class Transform(Value):
     def __mul__(self, other: Any) -> Any:
         raise TypeError(f"a Transform is not multiplied by *, found {type(other).__name__}: compose and apply by @, as in T @ p")
 
+    def __pow__(self, exponent: Any) -> "Transform":
+        """Return the pose at ``exponent`` [...] times the screw motion from the identity, turned by at most pi: ``exp(exponent * log)``."""
+        return Transform.exp(self.log() * exponent)
+
     def apply(self, points: Any) -> jax.Array:
         """Return points [..., 3] given in b, in a."""
         return transform_ops.apply(self.rotation.wxyz, self.translation, points)
@@ -130,14 +135,13 @@ class Transform(Value):
         return Transform(Rotation(q), p)
 
     def normalize(self) -> "Transform":
-        """Return the same pose with a unit quaternion, after long products."""
+        """Return the same pose with a unit quaternion: after ``Rotation(wxyz)`` of other numbers."""
         return self.replace(rotation=self.rotation.normalize())
 
     # ------------------------------------------------------------------ extractors
     def to_matrix(self) -> jax.Array:
         """Return the homogeneous matrix [..., 4, 4]."""
-        entries = transform_ops.to_matrix(self.rotation.wxyz, self.translation)
-        return entries.reshape(*entries.shape[:-1], 4, 4)
+        return matrix_of(transform_ops.to_matrix(self.rotation.wxyz, self.translation), 4)
 
     def log(self) -> Twist:
         """Return the twist, in b's axes at b's origin, whose exponential this is: the logarithm of SE(3), angle at most pi."""
@@ -149,8 +153,44 @@ class Transform(Value):
 
         It takes a twist in b's axes at b's origin to a's axes at a's origin.
         """
-        entries = transform_ops.adjoint(self.rotation.wxyz, self.translation)
-        return entries.reshape(*entries.shape[:-1], 6, 6)
+        return matrix_of(transform_ops.adjoint(self.rotation.wxyz, self.translation), 6)
+
+    # ------------------------------------------------------------------ means, Jacobians
+    def mean(self, weights: Any = None, axis: int | Sequence[int] = 0) -> "Transform":
+        """Return the mean pose over batch axes: ``Rotation.mean`` of the rotations, the weighted mean of the origins.
+
+        It depends on the origin of the frame of the poses, b's, but not on that in which they are seen, a's.
+
+        Args:
+            weights: Not negative; they broadcast to the batch shape (default: equal).
+            axis: One batch axis or several.
+
+        Raises:
+            ShapeError: As for ``Rotation.mean``.
+        """
+        full = self.broadcast_to(self.shape)
+        rotation = full.rotation.mean(weights, axis)
+        return Transform(rotation, averages.translation_mean(full.translation, weights, axis))
+
+    @staticmethod
+    def left_jacobian(twist: Twist) -> jax.Array:
+        """Return J_l [..., 6, 6] in [angular, linear] order: exp(twist + d) = exp(J_l d) exp(twist) to first order."""
+        return matrix_of(transform_ops.left_jacobian(twist.angular, twist.linear), 6)
+
+    @staticmethod
+    def right_jacobian(twist: Twist) -> jax.Array:
+        """Return J_r [..., 6, 6] in [angular, linear] order: exp(twist + d) = exp(twist) exp(J_r d) to first order."""
+        return Transform.left_jacobian(-twist)
+
+    @staticmethod
+    def left_jacobian_inv(twist: Twist) -> jax.Array:
+        """Return the inverse of J_l [..., 6, 6]; regular at angles of 0 and pi, pole at 2 pi."""
+        return matrix_of(transform_ops.left_jacobian_inv(twist.angular, twist.linear), 6)
+
+    @staticmethod
+    def right_jacobian_inv(twist: Twist) -> jax.Array:
+        """Return the inverse of J_r [..., 6, 6]; regular at angles of 0 and pi, pole at 2 pi."""
+        return Transform.left_jacobian_inv(-twist)
 
     # ------------------------------------------------------------------ moving along
     def retract(self, twist: Twist) -> "Transform":

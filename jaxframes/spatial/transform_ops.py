@@ -1,9 +1,12 @@
 """The operations of Transform on arrays: each is a function of components, lifted."""
 
+from collections.abc import Callable
+
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.numerics.components import V3, Quat, cross, quat_conj, quat_mul, rotate
+from jaxframes.numerics import smooth
+from jaxframes.numerics.components import V3, Quat, cross, dot, quat_conj, quat_mul, renormalized, rotate
 from jaxframes.numerics.lift import lift
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.rigid import compose as compose_rigid
@@ -23,7 +26,7 @@ WGS84_FLATTENING = 1 / 298.257223563
 def compose(q1: Quat, p1: V3, q2: Quat, p2: V3) -> tuple[Quat, V3]:
     """Return the product of two poses."""
     both = compose_rigid(Rigid(q1, p1), Rigid(q2, p2), 0)
-    return both.rotation, both.translation
+    return renormalized(both.rotation), both.translation
 
 
 @lift(Quat, V3, out=(Quat, V3))
@@ -37,7 +40,7 @@ def inverse(q: Quat, p: V3) -> tuple[Quat, V3]:
 def relative(q1: Quat, p1: V3, q2: Quat, p2: V3) -> tuple[Quat, V3]:
     """Return the second pose relative to the first."""
     both = relative_rigid(Rigid(q1, p1), Rigid(q2, p2), 0)
-    return both.rotation, both.translation
+    return renormalized(both.rotation), both.translation
 
 
 @lift(Quat, V3, V3, out=V3)
@@ -78,15 +81,54 @@ def log(q: Quat, p: V3) -> tuple[V3, V3]:
     return angular, so3.apply_left_jacobian_inv(angular, p)
 
 
+@lift(V3, V3, out=tuple)
+def left_jacobian(w: V3, v: V3) -> tuple[Entry, ...]:
+    """Return the 36 entries of J_l = [[J, 0], [Q, J]] of the exponential of SE(3), row by row."""
+    jacobian = _columns(lambda u: so3.apply_left_jacobian(w, u), w)
+    return _blocks(jacobian, _columns(lambda u: _coupling(w, v, u), w))
+
+
+@lift(V3, V3, out=tuple)
+def left_jacobian_inv(w: V3, v: V3) -> tuple[Entry, ...]:
+    """Return the 36 entries of the inverse [[J', 0], [-J' Q J', J']], with J' the inverse of J, row by row."""
+
+    def back(u: V3) -> V3:
+        return so3.apply_left_jacobian_inv(w, u)
+
+    return _blocks(_columns(back, w), _columns(lambda u: -back(_coupling(w, v, back(u))), w))
+
+
+def _coupling(w: V3, v: V3, u: V3) -> V3:
+    """Return Q u, how a turn u moves the origin (Barfoot 2017, State Estimation for Robotics, equation 7.86)."""
+    square = dot(w, w)
+    c3, c4, c5 = (smooth.stumpff(k, square) for k in (3, 4, 5))
+    v_u, w_u = cross(v, u), cross(w, u)
+    wv_u, vw_u, vww_u = cross(w, v_u), cross(v, w_u), cross(v, cross(w, w_u))
+    wvw_u = cross(w, vw_u)
+    second = cross(w, wv_u) + vww_u - wvw_u * 3.0
+    third = cross(w, vww_u) + cross(w, wvw_u)
+    return v_u * 0.5 + (wv_u + vw_u + wvw_u) * c3 + second * c4 + third * (0.5 * (c4 - 3.0 * c5))
+
+
+def _columns(f: Callable[[V3], V3], like: V3) -> list[V3]:
+    """Return the columns of a linear map, its values at the coordinate axes."""
+    one, zero = jnp.ones_like(like.x), jnp.zeros_like(like.x)
+    return [f(u) for u in (V3(one, zero, zero), V3(zero, one, zero), V3(zero, zero, one))]
+
+
+def _blocks(diagonal: list[V3], lower: list[V3]) -> tuple[Entry, ...]:
+    """Return the 36 entries of [[D, 0], [L, D]], row by row, from the columns of both."""
+    rows, below = (list(zip(*columns, strict=True)) for columns in (diagonal, lower))
+    top = [entry for row in rows for entry in (*row, 0.0, 0.0, 0.0)]
+    return (*top, *(entry for left, right in zip(below, rows, strict=True) for entry in (*left, *right)))
+
+
 @lift(Quat, V3, out=tuple)
 def adjoint(q: Quat, p: V3) -> tuple[Entry, ...]:
     """Return the 36 entries of [[R, 0], [[p]x R, R]], row by row."""
     m = so3.to_matrix(q)
-    columns = [cross(p, V3(m[k], m[3 + k], m[6 + k])) for k in range(3)]
-    moved = [[getattr(column, axis) for column in columns] for axis in "xyz"]
-    upper = [entry for i in range(3) for entry in (*m[3 * i : 3 * i + 3], 0.0, 0.0, 0.0)]
-    lower = [entry for i in range(3) for entry in (*moved[i], *m[3 * i : 3 * i + 3])]
-    return (*upper, *lower)
+    columns = [V3(m[k], m[3 + k], m[6 + k]) for k in range(3)]
+    return _blocks(columns, [cross(p, column) for column in columns])
 
 
 @lift(Quat, V3, V3, V3, out=(V3, V3))

@@ -113,6 +113,28 @@ def test_spice(tol):
     assert batch[0].shape == (2,)
 
 
+def test_dual_quaternions(pose, tol):
+    """Their products compose poses; points go through q (p + eps x) q*; any norm is read."""
+    dual = np.asarray(interop.transform_to_dual_quaternion_wxyz(pose), float)
+    assert dual.shape == (*pose.shape, 8)
+
+    def product(a, b):
+        (w, x, y, z), (s, t, u, v) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
+        parts = (w * s - x * t - y * u - z * v, w * t + x * s + y * v - z * u, w * u - x * v + y * s + z * t, w * v + x * u - y * t + z * s)
+        return np.stack(parts, -1)
+
+    def both(a, b):
+        real = product(a[..., :4], b[..., :4])
+        return np.concatenate([real, product(a[..., :4], b[..., 4:]) + product(a[..., 4:], b[..., :4])], -1)
+
+    other = Transform.random(jax.random.key(8), pose.shape)
+    composed = both(dual, np.asarray(interop.transform_to_dual_quaternion_wxyz(other), float))
+    assert s.allclose(interop.transform_from_dual_quaternion_wxyz(-3 * composed), pose @ other, rtol=10 * tol, atol=10 * tol)
+    assert s.allclose(interop.transform_from_dual_quaternion_wxyz(dual), pose, rtol=10 * tol, atol=10 * tol)
+    with pytest.raises(ShapeError, match=r"a dual quaternion has shape \[..., 8\]; found \(7,\)"):
+        interop.transform_from_dual_quaternion_wxyz(np.ones(7))
+
+
 def test_nothing_is_imported_before_use():
     code = "import sys, jaxframes.io.interop; sys.exit(any(m in sys.modules for m in ('scipy.spatial', 'jaxlie', 'mujoco')))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

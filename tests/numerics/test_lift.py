@@ -19,7 +19,7 @@ def test_leading_axes_broadcast(dtype):
         result = turn(q, v)
         assert result.shape == (*out, 3)
         assert result.dtype == dtype
-    with pytest.raises(ValueError, match="shape"):
+    with pytest.raises(ShapeError, match=r"rotate: batch shapes \(2,\) and \(3,\) do not broadcast"):
         turn(jnp.ones((2, 4)), jnp.ones((3, 3)))
 
 

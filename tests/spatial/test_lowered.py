@@ -24,6 +24,9 @@ ARGUMENTS = {
     **{"Rotation.from_axis_angle": (V, T3), "Rotation.from_unit_axis_angle": (V, T3), "Rotation.from_rotation_vector": (V,)},
     **{"Rotation.exp": (V,), "Rotation.rot_x": (T3,), "Rotation.rot_y": (T3,), "Rotation.rot_z": (T3,), "Rotation.from_rpy": ANGLES3},
     **{"Rotation.from_euler_zyx": ANGLES3, "Rotation.from_euler_zyz": ANGLES3, "Rotation.distance": (R,), "Rotation.slerp": (R, T3)},
+    **{"Rotation.from_euler": ("ZXZ", V), "Rotation.to_euler": ("xyz",), "Rotation.from_mrp": (V,), "Rotation.nearest": (R.to_matrix(),)},
+    **{"Rotation.align_vectors": (jnp.eye(3)[None], jnp.eye(3)[None])},
+    **{f"Transform.{side}_jacobian{end}": (TW,) for side in ("left", "right") for end in ("", "_inv")},
     **{f"Rotation.rotate_local_{axis}": (T3,) for axis in "xyz"},
     **{f"Rotation.with_unit_{axis}": (V,) for axis in "xyz"},
     **{f"Rotation.{side}_jacobian{end}": (V,) for side in ("left", "right") for end in ("", "_inv")},
@@ -71,14 +74,15 @@ def test_arguments_fit_the_surface():
 
 def everything(name):
     """Return the function of array leaves only, and those leaves: arguments, and the value the method belongs to."""
-    arguments, keywords = ARGUMENTS.get(name, ()), KEYWORDS.get(name, {})
+    given, keywords = ARGUMENTS.get(name, ()), KEYWORDS.get(name, {})
+    words, arguments = (tuple(a for a in given if isinstance(a, str) is text) for text in (True, False))
     owner, _, method = name.rpartition(".")
     bound = owner and inspect.ismethod(SURFACE[name]) and not inspect.isclass(SURFACE[name].__self__)
     value = VALUES[owner] if bound else ()
 
     def run(value, arguments):
         function = getattr(value, method) if bound else SURFACE[name]
-        return jax.tree.leaves(function(*arguments, **keywords))
+        return jax.tree.leaves(function(*words, *arguments, **keywords))
 
     return run, value, arguments
 

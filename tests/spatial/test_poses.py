@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from jaxframes import spatial as s
 from jaxframes.errors import FrameError
@@ -144,3 +145,24 @@ def test_norms_of_extreme_vectors(dtype):
         unit, length = s.kdl.normalize(np.array([0.6, 0.0, -0.8]) * size)
         assert float(length) == pytest.approx(size, rel=1e-6)
         assert np.abs(unit - np.array([0.6, 0, -0.8], dtype)).max() < 4 * np.finfo(dtype).eps
+
+
+def test_jacobians_of_the_pose_exponential(dtype):
+    """Against phi(ad), phi(x) = (e^x - 1) / x, a block of SciPy's expm: at zero, tiny, ordinary, and beyond pi."""
+    rng = np.random.default_rng(9)
+    twists = rng.normal(size=(8, 6)) * np.array([0, 1e-9, 1e-5, 1e-2, 0.3, 1, 2, 2])[:, None]
+    twists = twists.astype(dtype)
+
+    def skew(v):
+        return np.cross(np.eye(3), v).T @ -np.eye(3)
+
+    want = []
+    for angular, linear in twists.astype(float).reshape(-1, 2, 3):
+        ad = np.block([[skew(angular), np.zeros((3, 3))], [skew(linear), skew(angular)]])
+        assert np.allclose(skew(angular) @ linear, np.cross(angular, linear))
+        want.append(expm(np.block([[ad, np.eye(6)], [np.zeros((6, 12))]]))[:6, 6:])
+    twist, eps = Twist.from_vector(twists), np.finfo(dtype).eps
+    np.testing.assert_allclose(Transform.left_jacobian(twist), want, atol=20 * eps)
+    np.testing.assert_allclose(Transform.left_jacobian_inv(twist), np.linalg.inv(want), atol=100 * eps)
+    np.testing.assert_allclose(Transform.right_jacobian(-twist), want, atol=20 * eps)
+    np.testing.assert_allclose(Transform.right_jacobian_inv(-twist), np.linalg.inv(want), atol=100 * eps)
