@@ -141,28 +141,33 @@ def sources(edges: Mapping[str, Edge], joints: Mapping[str, str], index: Mapping
     found = dict.fromkeys(index, -1)
     followers = {joints[name]: edge for name, edge in edges.items() if isinstance(edge, Mimic)}
     followed = {joint: edge.joint for joint, edge in followers.items()}
+    if ring := ring_in(followed):
+        raise TopologyError(f"joint {ring[0]!r} follows itself: {' -> '.join(ring)}; one of them needs coordinates of its own")
     for joint, edge in followers.items():
         if edge.joint not in frames:
             raise UnknownJointError(f"joint {joint!r} follows {edge.joint!r}, which does not exist.{suggest(edge.joint, frames)}")
-        if ring := ring_from(joint, followed):
-            raise TopologyError(f"joint {joint!r} follows itself: {' -> '.join(ring)}; one of them needs coordinates of its own")
         _check(joint, edge, edges[frames[edge.joint]])
         found[frames[joint]] = index[frames[edge.joint]]
     return tuple(found[name] for name in index)
 
 
-def ring_from(joint: str, followed: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the joints that are met from one that follows others up to the first that is met twice; empty where none is.
+def ring_in(followed: Mapping[str, str]) -> tuple[str, ...]:
+    """Return joints that follow each other in a ring, the first one again at the end; empty where there is none.
 
     Args:
-        joint: Name of the joint to start from.
         followed: The joint that each joint follows, by name, for those that follow one.
     """
-    line = [joint]
-    while (target := followed.get(line[-1])) is not None:
-        if target in line:
-            return (*line, target)
-        line.append(target)
+    settled: set[str] = set()
+    for joint in followed:
+        line: dict[str, None] = {}  # in the order in which they are met
+        here: str | None = joint
+        while here is not None and here not in settled:
+            if here in line:
+                met = list(line)
+                return (*met[met.index(here) :], here)
+            line[here] = None
+            here = followed.get(here)
+        settled.update(line)
     return ()
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from jaxframes import edges
 from jaxframes.edges.base import Edge
-from jaxframes.edges.mimic import ring_from
+from jaxframes.edges.mimic import ring_in
 from jaxframes.errors import (
     DuplicateNameError,
     EdgeError,
@@ -202,8 +202,8 @@ def _followed(joints: list[Node]) -> dict[str, Node]:
             joint.fail(f"it mimics {target!r}, which does not exist.{known} Or load with mimic=False", UnknownJointError)
         if kinds[target] == "fixed":
             joint.fail(f"it mimics {target!r}, which is fixed; mimic a joint that moves, or load with mimic=False", EdgeError)
-        if ring := ring_from(name, targets):
-            joint.fail(f"it mimics itself: {' -> '.join(ring)}; one of them must move on its own", TopologyError)
+    if ring := ring_in(targets):
+        by_name[ring[0]].fail(f"it mimics itself: {' -> '.join(ring)}; one of them must move on its own", TopologyError)
     return followed
 
 

@@ -14,7 +14,9 @@ MOST_BYTES = 20_000_000
 """Largest file or text that is read: a hundred times the largest robot known to us."""
 DEEPEST = 200
 """Deepest nesting of elements that is read."""
-NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")  # each digit can match in one place only: linear in the text
+LONGEST_SHOWN = 60
+"""How many characters of a file's own text stand in a message at most."""
 
 
 @dataclass
@@ -33,8 +35,8 @@ class Node:
     def fail(self, what: str, kind: type[FrameError] = FormatError) -> NoReturn:
         """Raise an error that says where this element is."""
         name = self.attributes.get("name")
-        shown = f"<{self.tag}>" if name is None else f"<{self.tag} name={name!r}>"
-        raise kind(f"{self.source}, line {self.line}, {shown}: {what}")
+        element = f"<{self.tag}>" if name is None else f"<{self.tag} name={shown(name)}>"
+        raise kind(f"{self.source}, line {self.line}, {element}: {what}")
 
     def all(self, tag: str) -> list["Node"]:
         """Return the elements with a tag."""
@@ -63,14 +65,19 @@ class Node:
         wrong = [word for word in words if not NUMBER.fullmatch(word) or abs(float(word)) == float("inf")]
         if wrong:
             hint = "expand it with xacro first" if "$" in value else "write plain decimal numbers"
-            self.fail(f"{name}={value!r}: {wrong[0]!r} is no finite number; {hint}")
+            self.fail(f"{name}={shown(value)}: {shown(wrong[0])} is no finite number; {hint}")
         if len(words) != count:
-            self.fail(f"{name}={value!r}: {len(words)} numbers where {count} {'is' if count == 1 else 'are'} needed")
+            self.fail(f"{name}={shown(value)}: {len(words)} numbers where {count} {'is' if count == 1 else 'are'} needed")
         return tuple(float(word) for word in words)
 
     def number(self, name: str, default: float) -> float:
         """Return an attribute as one finite number."""
         return self.numbers(name, 1, (default,))[0]
+
+
+def shown(text: str) -> str:
+    """Return a file's own text as a message shows it: quoted, and not much of it."""
+    return repr(text) if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]!r}... ({len(text)} characters)"
 
 
 def read(source: Any) -> tuple[bytes, str]:

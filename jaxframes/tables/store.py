@@ -8,11 +8,11 @@ import contextlib
 import hashlib
 import io
 import json
+import math
 import os
-import tempfile
 import zipfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -30,30 +30,41 @@ from jaxframes.tables.info import Info
 from jaxframes.tables.instants import pairs
 from jaxframes.tables.orientation import OrientationTable
 from jaxframes.tables.records import host_arrays, to_record_table
+from jaxframes.tables.stored_shapes import Form, check_records, check_shapes
 from jaxframes.tables.translation import TranslationTable
+from jaxframes.tables.whole_file import write_whole
 
 Storable: TypeAlias = Table | IauOrientation | FixedFrame
 SCHEMA = 1
 """Version of what is in the file; no other is read."""
+USUAL_BYTES, USUAL_RATIO = 64 << 20, 20
+"""What a file may be unpacked: so much, and so many times its size. Records hardly shrink; constant ones do, and are few."""
 MARK = b"jaxframes tables, sha256 of all before this: "
 
 
 @dataclass(frozen=True)
 class Kind:
-    """How tables of a kind are stored, beside their record tables and facts: further arrays, and static fields. Models store themselves."""
+    """How tables of a kind are stored, beside their record tables and facts: further arrays with their forms, and static fields."""
 
     table: type[Any]
-    arrays: tuple[str, ...] = ()
+    arrays: Mapping[str, Form] = field(default_factory=dict)
     static: tuple[str, ...] = ()
 
 
+IAU: dict[str, Form] = {
+    "polynomials": (3, "powers", 2),
+    "phases": ("angles", "degrees", 2),
+    "reference": (2,),
+    "amplitudes": ("angles", 3),
+    "placement": (4,),
+}
 KINDS = {
     "translation": Kind(TranslationTable),
-    "orientation": Kind(OrientationTable, ("placement",)),
+    "orientation": Kind(OrientationTable, {"placement": (4,)}),
     "knots": Kind(AttitudeTable, static=("mode",)),
-    "cayley": Kind(CayleyTable, ("spins",)),
-    "iau": Kind(IauOrientation),
-    "fixed": Kind(FixedFrame),
+    "cayley": Kind(CayleyTable, {"spins": ("n", 8)}),
+    "iau": Kind(IauOrientation, IAU),
+    "fixed": Kind(FixedFrame, {"rotation": (4,)}),
 }
 STORABLE = tuple(kind.table for kind in KINDS.values())
 """Everything that a table file can hold."""
@@ -66,43 +77,31 @@ HEADER = {"format": "jaxframes tables", "scale": "TDB", "units": {"length": "m",
 def save(path: str | os.PathLike[str], tables: Mapping[str, Storable]) -> None:
     """Write tables to one file: whole or not at all, the same bytes for the same tables.
 
+    A file that is replaced keeps its permissions, a symbolic link stays one; a new file has those that the umask leaves.
+
     Args:
         path: The file to write, replaced if it exists.
         tables: Tables by name.
 
     Raises:
-        TableError: If something is no table, or the file cannot be written.
+        TableError: If something is no table, or the file cannot be written or is no regular file.
     """
-    content = to_bytes(tables)
-    target = Path(path)
-    try:
-        descriptor, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-    except OSError as error:
-        raise TableError(f"{target} cannot be written: {error.strerror}.") from error
-    try:
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, target)
-    except BaseException as error:
-        with contextlib.suppress(OSError):
-            os.unlink(temporary)
-        if isinstance(error, OSError):
-            raise TableError(f"{target} cannot be written: {error.strerror}.") from error
-        raise
+    write_whole(Path(path), to_bytes(tables))
 
 
-def load(path: str | os.PathLike[str]) -> dict[str, Any]:
+def load(path: str | os.PathLike[str], *, most_bytes: int | None = None) -> dict[str, Any]:
     """Read tables written by ``save``. No kernel is needed, and spiceypy is not imported.
 
     Arrays are of the default float dtype of JAX; times keep in two parts what one float32 cannot hold.
 
+    Args:
+        path: The file.
+        most_bytes: How large it may be unpacked; default: 64 MiB and 20 times the file.
+
     Raises:
-        TableError: If the file is missing, is no table file, is truncated or altered, or has an unknown schema.
+        TableError: If the file is missing, is no table file, is truncated or altered, has an unknown schema, or unpacks to too much.
     """
-    with open_archive(Path(path)) as (archive, entries):
+    with open_archive(Path(path), most_bytes) as (archive, entries):
         return {name: _table(archive, name, entry) for name, entry in entries.items()}
 
 
@@ -113,23 +112,30 @@ def from_bytes(content: bytes, label: str) -> dict[str, Any]:
 
 
 @contextlib.contextmanager
-def open_archive(target: Path) -> Iterator[tuple[zipfile.ZipFile, dict[str, Any]]]:
+def open_archive(target: Path, most_bytes: int | None = None) -> Iterator[tuple[zipfile.ZipFile, dict[str, Any]]]:
     """Open a table file for reading: its archive, and what its metadata say of each table.
 
     Raises:
         TableError: If the file is missing, is no table file, is truncated or altered, has an unknown schema, or what is read from it
             is not what that schema says.
     """
-    with _entries(_content_of(target), str(target)) as found:
+    with _entries(_content_of(target), str(target), most_bytes) as found:
         yield found
 
 
 @contextlib.contextmanager
-def _entries(content: bytes, label: str) -> Iterator[tuple[zipfile.ZipFile, dict[str, Any]]]:
-    """Open the content of a table file, as ``opened`` does."""
+def _entries(content: bytes, label: str, most_bytes: int | None = None) -> Iterator[tuple[zipfile.ZipFile, dict[str, Any]]]:
+    """Open the content of a table file, as ``open_archive`` does."""
     _check(label, content)
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            most = USUAL_BYTES + USUAL_RATIO * len(content) if most_bytes is None else most_bytes
+            unpacked = sum(entry.file_size for entry in archive.infolist())  # what a reader gives at most, whatever follows
+            if unpacked > most:
+                raise TableError(
+                    f"{label} has {len(content)} bytes and unpacks to {unpacked}, more than the {most} that are read of it. If it is to be "
+                    "trusted, jf.spice.load(path, most_bytes=...) reads more."
+                )
             yield archive, _read_metadata(label, archive)["tables"]
     except FrameError:
         raise
@@ -143,8 +149,8 @@ def _content_of(target: Path) -> bytes:
         return target.read_bytes()
     except FileNotFoundError as error:
         raise TableError(f"There is no table file {target}.") from error
-    except OSError as error:
-        raise TableError(f"{target} cannot be read: {error.strerror}.") from error
+    except (OSError, ValueError) as error:  # ValueError: a path with a NUL
+        raise TableError(f"{str(target)!r} cannot be read: {error.strerror if isinstance(error, OSError) else error}.") from error
 
 
 def _read_metadata(label: str, archive: zipfile.ZipFile) -> dict[str, Any]:
@@ -216,8 +222,14 @@ def _write_array(archive: zipfile.ZipFile, name: str, array: np.ndarray) -> None
 
 
 def _read_array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
-    with archive.open(name) as file:
-        return np.lib.format.read_array(io.BytesIO(file.read()), allow_pickle=False)
+    content = io.BytesIO(archive.read(name))
+    if np.lib.format.read_magic(content) != (1, 0):
+        raise TableError(f"{name} is of another version of NumPy's format")
+    shape, by_columns, dtype = np.lib.format.read_array_header_1_0(content)
+    held = content.getbuffer()[content.tell() :]
+    if dtype != np.dtype("<f8") or by_columns or 8 * math.prod(shape) != len(held):
+        raise TableError(f"{name} says that it holds {shape} numbers of {dtype}, and has {len(held)} bytes")
+    return np.frombuffer(held, "<f8").reshape(shape).copy()
 
 
 def _table(archive: zipfile.ZipFile, name: str, entry: dict[str, Any]) -> Storable:
@@ -225,25 +237,26 @@ def _table(archive: zipfile.ZipFile, name: str, entry: dict[str, Any]) -> Storab
     if info.kind not in KINDS:
         raise TableError(f"table {name!r} is of the unknown kind {info.kind!r}")
     kind = KINDS[info.kind]
+    what = f"table {name!r}"
     if kind.table in MODELS:
-        return kind.table.from_arrays({n: _read_array(archive, file) for n, file in entry["arrays"].items()}, info)
-    record_tables = tuple(
-        to_record_table(
-            {n: _read_array(archive, file) for n, file in records["arrays"].items()},
-            records["series"],
-            records["compares"],
-            low=has_low(info.kind),
-        )
-        for records in entry["record_tables"]
-    )
+        arrays = {n: _read_array(archive, file) for n, file in entry["arrays"].items()}
+        check_shapes(arrays, kind.arrays, {}, what)
+        return kind.table.from_arrays(arrays, info)
+    record_tables, records = [], 0
+    for held in entry["record_tables"]:
+        arrays = {n: _read_array(archive, file) for n, file in held["arrays"].items()}
+        records = check_records(arrays, held["series"], held["compares"], what)
+        record_tables.append(to_record_table(arrays, held["series"], held["compares"], low=has_low(info.kind)))
+    further = {n: _read_array(archive, entry[n]) for n in kind.arrays}
+    check_shapes(further, kind.arrays, {"n": records}, what)
     reference, start, stop = (Fraction(x) for x in (info.reference, info.start, info.stop))
     fields: dict[str, Any] = {
-        "record_tables": record_tables,
+        "record_tables": tuple(record_tables),
         "reference": pairs(reference),
         "span": pairs(start - reference, stop - reference),
         "info": info,
     }
-    fields |= {array: jnp.asarray(_read_array(archive, entry[array]), default_float()) for array in kind.arrays}
+    fields |= {n: jnp.asarray(array, default_float()) for n, array in further.items()}
     return kind.table(**fields, **{static: entry[static] for static in kind.static})
 
 

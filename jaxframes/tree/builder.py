@@ -9,6 +9,7 @@ from jaxframes.edges.family import is_family
 from jaxframes.edges.fixed import Fixed
 from jaxframes.errors import DuplicateNameError, EdgeError, FrameWarning, TopologyError, UnknownFrameError, UnknownJointError, suggest
 from jaxframes.model.compile import Declared, compile_frames
+from jaxframes.model.names import checked_name
 from jaxframes.model.properties import freeze, thaw
 from jaxframes.tables.edge_source import TableSource
 from jaxframes.tables.placing import OffersEdges, misplaced, place
@@ -30,7 +31,7 @@ class TreeBuilder:
     """
 
     def __init__(self, root: str = "world"):
-        self._declared = Declared({_checked_name(root): None})
+        self._declared = Declared({checked_name(root): None})
         self._above: dict[str, str] | None = None  # name of an edge -> its frame; made when it is needed
 
     @classmethod
@@ -125,7 +126,7 @@ class TreeBuilder:
             TopologyError: The frame would hang on itself.
             EdgeError: ``edge`` is no edge.
         """
-        _checked_name(name)
+        checked_name(name)
         if name == parent:
             raise TopologyError(f"frame {name!r} cannot be its own parent: that is a cycle; hang it on another frame")
         if name == self.root:
@@ -192,8 +193,7 @@ class TreeBuilder:
             self._declared.properties[name] = frozen
 
     def _free_joint(self, joint: str, frame: str) -> str:
-        if not isinstance(joint, str) or not joint:
-            raise EdgeError(f"frame {frame!r}: joint= takes text that is not empty, found {joint!r}")
+        checked_name(joint, f"frame {frame!r}: a joint's name")
         if self._above is None:
             self._above = {joint: other for other, joint in self._declared.edge_names.items()}
         if joint in self._above:
@@ -232,9 +232,3 @@ class TreeBuilder:
         for sentence in misplaced(self.frames()):
             warnings.warn(sentence, FrameWarning, stacklevel=2)
         return FrameTree(*compile_frames(self._declared))
-
-
-def _checked_name(name: Any) -> str:
-    if not isinstance(name, str) or not name:
-        raise EdgeError(f"a frame's name must be text that is not empty, found {name!r}")
-    return name

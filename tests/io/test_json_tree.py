@@ -204,7 +204,7 @@ def example():
         (lambda text: change(text, ["more"], {}), "damaged: a tree has the keys"),
         (lambda text: change(text, ["frames", 0, "parent"], "nowhere"), "nowhere"),
         (lambda text: change(text, ["frames", 0, "parent"], []), "damaged"),
-        (lambda text: change(text, ["frames", 0, "joint"], 5), "joint= takes text"),
+        (lambda text: change(text, ["frames", 0, "joint"], 5), "a joint's name must be text"),
         (lambda text: change(text, ["frames", 0, "properties"], 5), "damaged"),
         (lambda text: change(text, ["frames", 0, "properties", "k"], json.loads("[" * 900 + "]" * 900)), "more than 100"),
         (lambda text: change(text, ARGUMENTS, json.loads("[" * 900 + "]" * 900)), "more than 100"),

@@ -225,3 +225,14 @@ def test_trees_of_other_origin_are_written_where_urdf_can_say_them():
         b.add("odd", parent="base", edge=edge)
         with pytest.raises(errors.FormatError, match="'odd'"):
             jf.to_urdf(b.build())
+
+
+def test_numbers_are_read_in_linear_time():
+    """A pattern with two ways to match a digit takes half an hour for these."""
+    joint = '<joint name="j" type="fixed"><origin xyz="{} 0 0"/><parent link="a"/><child link="b"/></joint>'
+    text = f'<robot name="r"><link name="a"/><link name="b"/>{joint}</robot>'
+    with pytest.raises(jf.FrameError, match=r"'1{60}'\.\.\. \(300001 characters\) is no finite number") as found:
+        jf.load_urdf(text.format("1" * 300_000 + "x"))
+    assert len(str(found.value)) < 500
+    tree = jf.load_urdf(text.format("0." + "3" * 300_000))
+    assert abs(float(tree.edge("b").transform.translation[0]) - 1 / 3) < 1e-7

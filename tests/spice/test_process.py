@@ -72,13 +72,80 @@ def test_the_process_ends_with_the_block_and_with_the_object(paths):
     assert not alive(pid)
 
 
-def test_a_process_that_dies_is_a_damaged_kernel(paths):
+@pytest.mark.parametrize("end", [signal.SIGSEGV, signal.SIGKILL], ids=str)
+def test_a_process_that_dies_says_whether_by_itself(paths, end):
     kernels = jf.spice.Kernels(paths[0])
-    kernels._pool.process._popen.kill()
-    with pytest.raises(errors.BadKernelError, match=r"CSPICE broke down while .*\(exit code -9\)"):
+    os.kill(kernels._pool.process._popen.pid, end)
+    kind, words, after = {
+        signal.SIGSEGV: (errors.BadKernelError, r"CSPICE broke down while .*\(exit code -11\): a kernel is damaged", "closed"),
+        signal.SIGKILL: (
+            errors.SpiceError,
+            "ended from outside by SIGKILL while .*want of memory",
+            "ended from outside by SIGKILL. Open them",
+        ),
+    }[end]
+    with pytest.raises(kind, match=words) as found:
         kernels.translation(target="MOON", center="EARTH", start="2026-01-01", stop="2026-02-01")
-    with pytest.raises(errors.SpiceError, match="closed"):
+    assert type(found.value) is kind
+    with pytest.raises(errors.SpiceError, match=after):
         kernels.translation(target="MOON", center="EARTH", start="2026-01-01", stop="2026-02-01")
+
+
+FORKED = """
+import os, sys
+import jaxframes as jf
+with jf.spice.Kernels(sys.argv[1]) as kernels:
+    pool = kernels._pool
+    child = os.fork()
+    if not child:
+        for _ in range(20):
+            try:
+                print(pool.body_name(399), flush=True)
+            except jf.FrameError as error:
+                kind = str(error)
+        print("child:", kind, flush=True)
+        with jf.spice.Kernels(sys.argv[1]) as own:
+            print("child:", own._pool.body_name(301), flush=True)
+        kernels.close()
+        os._exit(0)
+    names = {pool.body_name(301) for _ in range(300)}
+    os.waitpid(child, 0)
+    print("parent:", names, pool.body_name(399))
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there is no fork")
+def test_a_fork_refuses_and_may_open_its_own(paths):
+    """Both would read from one pipe, each some of the other's answers."""
+    done = subprocess.run([sys.executable, "-W", "ignore", "-c", FORKED, paths[1]], capture_output=True, text=True, check=False, timeout=60)
+    assert sorted(done.stdout.splitlines()) == [
+        "child: MOON",
+        "child: These kernels belong to the program that this one was forked from. Open them again here, or start processes by 'spawn': "
+        "multiprocessing.get_context('spawn').",
+        "parent: {'MOON'} EARTH",
+    ], done.stderr
+
+
+def test_closing_waits_for_no_other_thread(paths):
+    kernels = jf.spice.Kernels(paths[1])
+    process, failure = kernels._pool.process, []
+
+    def ask():
+        try:
+            process.call("wait", 60.0, doing="sleeping")
+        except errors.SpiceError as error:
+            failure.append(error)
+
+    thread = threading.Thread(target=ask)
+    thread.start()
+    while not process._lock.locked():
+        time.sleep(0.001)
+    started = time.monotonic()
+    kernels.close()
+    thread.join()
+    assert time.monotonic() - started < 20  # of the sixty that the answer would take
+    assert str(failure[0]) == "These kernels were closed by another thread while sleeping."
+    assert process._popen.poll() is not None
 
 
 def test_threads_take_turns(kernels):

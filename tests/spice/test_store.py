@@ -1,9 +1,14 @@
 """Tables on disk: exact round trip, damage found, nothing left half-written, no kernels needed."""
 
+import hashlib
+import io
 import json
+import os
 import subprocess
 import sys
+import time
 import zipfile
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -140,6 +145,104 @@ def test_a_failed_save_leaves_nothing_and_the_old_file_as_it_was(tmp_path, moon,
 def test_save_into_a_folder_that_is_not_there(tmp_path, moon):
     with pytest.raises(TableError, match="cannot be written: No such file"):
         jf.spice.save(tmp_path / "no" / "x.npz", {"moon": moon})
+
+
+@pytest.mark.skipif(os.name == "nt", reason="permissions of POSIX")
+def test_saving_keeps_permissions_and_links_and_follows_the_umask(tmp_path, moon):
+    private, public, link = tmp_path / "private.npz", tmp_path / "public.npz", tmp_path / "link.npz"
+    private.write_bytes(b"old")
+    private.chmod(0o600)
+    link.symlink_to(private.name)
+    jf.spice.save(link, {"moon": moon})
+    assert link.is_symlink()
+    assert private.stat().st_mode & 0o777 == 0o600
+    equal(jf.spice.load(private)["moon"], moon)
+    before = os.umask(0o027)
+    try:
+        jf.spice.save(public, {"moon": moon})
+    finally:
+        os.umask(before)
+    assert public.stat().st_mode & 0o777 == 0o640
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes of POSIX")
+def test_what_is_no_regular_file_is_not_replaced(tmp_path, moon):
+    os.mkfifo(tmp_path / "pipe")
+    for target in (tmp_path / "pipe", tmp_path, Path("/dev/null")):
+        with pytest.raises(TableError, match="is no regular file"):
+            jf.spice.save(target, {"moon": moon})
+    assert (tmp_path / "pipe").is_fifo()
+    assert [p.name for p in tmp_path.iterdir()] == ["pipe"]
+    (tmp_path / "ring").symlink_to("ring")
+    for target in (tmp_path / "ring", "a\0b.npz"):
+        with pytest.raises(TableError, match="cannot be written"):
+            jf.spice.save(target, {"moon": moon})
+        with pytest.raises(TableError, match="cannot be read"):
+            jf.spice.load(target)
+
+
+def test_what_a_killed_save_left_is_removed_after_an_hour(tmp_path, moon):
+    old, fresh, other = (tmp_path / name for name in (".x[1].npz.aa.part", ".x[1].npz.bb.part", ".y.npz.cc.part"))
+    for left in (old, fresh, other):
+        left.write_bytes(b"half")
+    for left in (old, other):
+        os.utime(left, (time.time() - 4000,) * 2)
+    jf.spice.save(tmp_path / "x[1].npz", {"moon": moon})
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([fresh.name, other.name, "x[1].npz"])
+
+
+def resealed(path, name, change, compress=zipfile.ZIP_DEFLATED):
+    """Write a table file again with one of its members changed and a checksum that fits."""
+    with zipfile.ZipFile(path) as archive:
+        members = {item.filename: archive.read(item) for item in archive.infolist()}
+    members[name] = change(members[name])
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", compress) as archive:
+        for member, content in members.items():
+            archive.writestr(member, content)
+        archive.comment = store.MARK + b"0" * 64
+    body = buffer.getvalue()[:-64]
+    path.write_bytes(body + hashlib.sha256(body).hexdigest().encode())
+
+
+def array(change):
+    def changed(content):
+        buffer = io.BytesIO()
+        np.save(buffer, change(np.load(io.BytesIO(content))))
+        return buffer.getvalue()
+
+    return changed
+
+
+def test_what_unpacks_to_too_much_is_not_unpacked(file, monkeypatch):
+    with zipfile.ZipFile(file) as archive:
+        real = sum(item.file_size for item in archive.infolist())
+    with pytest.raises(TableError, match=rf"unpacks to {real}, more than the 1000 that are read of it.*most_bytes"):
+        jf.spice.load(file, most_bytes=1000)
+    monkeypatch.setattr(store, "USUAL_BYTES", 0)
+    resealed(file, "table0/records0/rows.npy", lambda content: content + bytes(30 * file.stat().st_size))
+    with pytest.raises(TableError, match=r"has \d+ bytes and unpacks to \d+"):
+        jf.spice.load(file)
+    with pytest.raises(TableError, match="says that it holds"):
+        jf.spice.load(file, most_bytes=10**9)
+
+
+@pytest.mark.parametrize(
+    ("member", "change", "words"),
+    {
+        "rows of a vector": ("rows", lambda a: a[0], "rows has the shape"),
+        "no whole terms": ("rows", lambda a: a[:, 1:], "hold no whole terms of 3 series"),
+        "no records": ("rows", lambda a: a[:0], "it needs a record"),
+        "whole numbers": ("rows", lambda a: a.astype(np.int64), "numbers of int64"),
+        "a grid too long": ("grid", lambda a: np.append(a, 1.0), r"grid has the shape \[3\], found \[4\]"),
+        "no width": ("grid", lambda a: a * [1, 1, 0], "cells of a positive width"),
+        "not a number": ("grid", lambda a: a * np.nan, "cells of a positive width"),
+    }.values(),
+)
+def test_arrays_that_do_not_fit_are_found_when_read(file, member, change, words):
+    resealed(file, f"table0/records0/{member}.npy", array(change))
+    with pytest.raises(TableError, match=words):
+        jf.spice.load(file)
 
 
 def test_shipped_tables():

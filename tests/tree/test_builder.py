@@ -1,10 +1,13 @@
 """Building trees: what is refused, and with which words; include, remove, rebuild, properties."""
 
+import re
+
 import numpy as np
 import pytest
 
 import jaxframes as jf
 from jaxframes import errors
+from jaxframes.edges.mimic import ring_in
 
 
 def base():
@@ -165,3 +168,37 @@ def test_an_edge_that_does_not_fit_says_why():
         tree.with_edge("lead", jf.edges.Prismatic(axis=(0, 0, 1)))
     with pytest.raises(errors.EdgeError, match="its accelerations is True instead of False"):
         tree.with_edge("poly", jf.edges.Prescribed())
+
+
+@pytest.mark.parametrize("name", ["\x1b[31mred", "a\rb", "a\nb", "a\u202eb", "a\u2028b", "a\0b", "\ud800", "tab\t"])
+def test_names_print_as_they_are(name):
+    """What a terminal, a page or a file would show otherwise, or not at all, is refused where a name is given, and shown harmlessly."""
+    b = jf.TreeBuilder(root="world")
+    shown = re.escape(ascii(name))
+    with pytest.raises(errors.EdgeError, match=rf"a frame's name must be printable, found {shown} with the character U\+"):
+        b.add(name, parent="world", edge=jf.edges.Fixed())
+    with pytest.raises(errors.EdgeError, match=f"frame 'a': a joint's name must be printable, found {shown}"):
+        b.add("a", parent="world", edge=jf.edges.Revolute(axis=(0, 0, 1)), joint=name)
+    with pytest.raises(errors.EdgeError, match="must be printable"):
+        jf.TreeBuilder(root=name)
+    b.add("Erde \u5730\u7403 \u00b5 a/b", parent="world", edge=jf.edges.Fixed())
+    with pytest.raises(errors.EdgeError, match="at most 1000 characters, found 1001"):
+        b.add("x" * 1001, parent="world", edge=jf.edges.Fixed())
+
+
+def test_long_lines_of_followers_are_checked_in_one_pass():
+    """Thirty times as many joints are thirty times the work: counted, not timed."""
+
+    class Counted(dict):
+        asked = 0
+
+        def get(self, key, default=None):
+            self.asked += 1
+            return super().get(key, default)
+
+    for n in (100, 3000):
+        line = Counted({f"j{i}": f"j{i - 1}" for i in range(n, 0, -1)})
+        assert ring_in(line) == ()
+        assert line.asked <= 2 * n
+    assert ring_in({"a": "b", "b": "c", "c": "b", "d": "a"}) == ("b", "c", "b")
+    assert ring_in({"a": "a"}) == ("a", "a")

@@ -1,6 +1,8 @@
 """The process that holds a kernel pool, from the caller's side: start it, ask it, end it."""
 
 import contextlib
+import os
+import signal
 import subprocess
 import sys
 import threading
@@ -14,6 +16,8 @@ from jaxframes.spice.reading.worker import receive, send
 
 TIMEOUT = 600.0
 """Seconds that one answer may take."""
+FROM_OUTSIDE = {signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGXCPU} if os.name == "posix" else set()
+"""Signals that end a process from outside; a process that breaks down gets others."""
 WORKER = Path(__file__).with_name("worker.py")
 
 
@@ -45,9 +49,9 @@ class KernelProcess:
             stderr=subprocess.DEVNULL,
             start_new_session=True,  # Ctrl-C in a terminal goes to all of a session: it is the caller's business
         )
-        self._lock, self._number = threading.Lock(), 0
+        self._lock, self._number, self._owner = threading.Lock(), 0, os.getpid()
         # Starting reads no kernel, and takes as long as the machine is busy: the caller's time-out is for requests.
-        self._timeout, self._late = TIMEOUT, False
+        self._timeout, self._late, self._closed_by_another = TIMEOUT, False, False
         self._finalizer = weakref.finalize(self, _shut, self._popen)
         self._doing, self._why_closed = "starting", "use them inside their `with` block."
         try:
@@ -69,8 +73,13 @@ class KernelProcess:
         Raises:
             CspiceError: If CSPICE signals an error.
             BadKernelError: If the process dies, or does not answer in time.
-            SpiceError: If it was closed before.
+            SpiceError: If it was closed before, or while it worked; or if this is a fork of the program that opened it.
         """
+        if os.getpid() != self._owner:  # the pipes are the parent's too: each would take the other's answers
+            raise SpiceError(
+                "These kernels belong to the program that this one was forked from. Open them again here, or start processes by 'spawn': "
+                "multiprocessing.get_context('spawn')."
+            )
         with self._lock:
             if not self._finalizer.alive:
                 raise SpiceError(f"These kernels are closed: {self._why_closed}")
@@ -79,7 +88,7 @@ class KernelProcess:
             with self._watched(), self._whole():
                 try:
                     send(self._popen.stdin, (self._number, method, arguments))  # pyright: ignore[reportArgumentType]
-                except OSError as error:
+                except (OSError, ValueError) as error:  # the worker is gone, or another thread has closed the pipe
                     raise self._death() from error
                 return self._answer()
 
@@ -107,7 +116,7 @@ class KernelProcess:
         except BaseException as error:
             self._popen.kill()
             self._finalizer()
-            if not isinstance(error, BadKernelError):
+            if not isinstance(error, SpiceError):
                 broken = f"a request was broken off while {self._doing} ({type(error).__name__}), which ended the process that reads them."
                 self._why_closed = f"{broken} Open them again."
             raise
@@ -119,21 +128,31 @@ class KernelProcess:
     def _answer(self) -> Any:
         try:
             number, status, *content = receive(self._popen.stdout)  # pyright: ignore[reportArgumentType]
-        except (EOFError, OSError) as error:
+        except (EOFError, OSError, ValueError) as error:
             raise self._death() from error
         if number != self._number:
+            self._why_closed = "their process gave the answer to another request. Open them again."
             raise SpiceError(f"The process that reads kernels answered request {number}, not {self._number}, while {self._doing}.")
         if status == "failed":
             raise CspiceError(*content)
         return content[0]
 
-    def _death(self) -> BadKernelError:
+    def _death(self) -> SpiceError:
         """End the process for good and return the error to raise."""
         self._finalizer()
+        if self._closed_by_another:
+            return SpiceError(f"These kernels were closed by another thread while {self._doing}.")
         if self._late:
             return BadKernelError(
                 f"CSPICE did not answer within {self._timeout:g} s while {self._doing}, and was ended: a kernel is damaged, or the work is "
                 "long. Kernels(..., timeout=seconds) allows more time, timeout=None any."
+            )
+        if -self._popen.returncode in FROM_OUTSIDE:
+            name = signal.Signals(-self._popen.returncode).name
+            self._why_closed = f"the process that reads them was ended from outside by {name}. Open them again."
+            return SpiceError(
+                f"The process that reads kernels was ended from outside by {name} while {self._doing}: by somebody, or by the system for "
+                "want of memory. Open the kernels again."
             )
         return BadKernelError(
             f"CSPICE broke down while {self._doing} (exit code {self._popen.returncode}): a kernel is damaged. "
@@ -146,8 +165,18 @@ class KernelProcess:
         return not self._finalizer.alive
 
     def close(self) -> None:
-        """End the process; more than once does nothing."""
-        self._finalizer()
+        """End the process; more than once does nothing. A request of another thread is broken off, and fails there."""
+        if os.getpid() != self._owner:
+            return  # a fork has no process of its own to end
+        if self._lock.acquire(blocking=False):
+            try:
+                self._finalizer()
+            finally:
+                self._lock.release()
+        else:
+            self._closed_by_another = True
+            self._popen.kill()  # first: the pipe cannot be closed while a thread reads from it
+            self._finalizer()
 
 
 def _shut(popen: subprocess.Popen[bytes]) -> None:
