@@ -6,7 +6,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.numerics.two_part import fast_two_sum, two_sum
+from jaxframes.numerics import host_two_part
+from jaxframes.numerics.two_part import fast_two_sum, two_product, two_sum
 
 
 def pairs(dtype):
@@ -47,3 +48,22 @@ def test_exact_inside_a_larger_program(dtype):
 
     scaled, s, e, _ = program(a, b)
     assert_exact(s, e, np.asarray(scaled), b)
+
+
+def test_products_are_exact(dtype):
+    """Product and remainder, on the device as in NumPy, hold every digit of the product of two numbers."""
+    rng = np.random.default_rng(1)
+    a, b = (x.astype(dtype) for x in (rng.normal(size=500) * 10 ** rng.uniform(-6, 6, 500), rng.normal(size=500)))
+    ways = [jax.jit(two_product), jax.jit(jax.vmap(two_product)), lambda a, b: jax.jit(lambda *x: two_product(*x)[::-1])(a, b)[::-1]]
+    if dtype == np.float64:
+        ways.append(host_two_part.two_product)
+    for way in ways:
+        p, e = way(a, b)
+        assert np.array_equal(p, a * b)
+        assert np.any(np.asarray(e) != 0)
+        for parts in zip(p, e, a, b, strict=True):
+            product, rest, x, y = (Fraction(float(number)) for number in parts)
+            assert product + rest == x * y
+    slope, rest = jax.jvp(two_product, (jnp.asarray(a), jnp.asarray(b)), (jnp.asarray(b), jnp.asarray(a)))[1]
+    np.testing.assert_allclose(slope, b * b + a * a, rtol=4 * np.finfo(dtype).eps)
+    assert not np.any(rest)

@@ -310,7 +310,7 @@ def test_axis_and_angle(tol):
 def test_distance_of_equal_rotations_has_zero_derivative():
     rotation = Rotation.from_rpy(0.1, 0.2, 0.3)
     function = lambda d: (rotation @ Rotation.exp(d)).distance(rotation)
-    assert np.isfinite(jax.jit(jax.grad(function))(jnp.zeros(3))).all()
+    assert np.linalg.norm(jax.jit(jax.grad(function))(jnp.zeros(3))) < 1.001  # equal to rounding: no direction of change is steeper
     same = lambda x: Rotation.identity().distance(Rotation.exp(x))
     for derivative in (jax.grad, jax.jacfwd):
         assert np.all(jax.jit(derivative(same))(jnp.zeros(3)) == 0)

@@ -189,9 +189,9 @@ def test_cross_products(known, tol):
 
     commutator = generator(v) @ generator(m) - generator(m) @ generator(v)
     assert near(generator(v.cross_motion(m)), commutator, tol)
-    wrench = s.Wrench(force=m.linear, torque=m.angular)
-    change = v.cross_force(wrench)
-    power = change.dot(s.Twist(linear=m.angular, angular=m.linear))
-    other = SpatialVelocity(m.linear, m.angular)
-    moved = v.cross_motion(other)
-    assert near(power[None], -wrench.dot(s.Twist(linear=moved.linear, angular=moved.angular))[None], tol)
+    wrench = s.Wrench(force=np.asarray(m.linear) + 0.7, torque=m.angular)
+    turning, moving = generator(v)[:3, :3], generator(SpatialVelocity(v.linear, v.angular))[:3, :3]
+    of_motions = np.block([[turning, np.zeros((3, 3))], [moving, turning]])
+    assert near(of_motions @ m.as_vector(), v.cross_motion(m).as_vector(), tol)
+    assert np.linalg.norm(moving @ wrench.force) > 0.1  # every term counts
+    assert near(v.cross_force(wrench).as_vector(), -of_motions.T @ wrench.as_vector(), tol)
