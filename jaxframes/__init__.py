@@ -6,6 +6,7 @@ from jaxframes.errors import FrameError
 from jaxframes.io import interop
 from jaxframes.io.json_tree import from_json, to_json
 from jaxframes.io.mjcf import load_mjcf
+from jaxframes.io.mjcf_keyframes import mjcf_keyframes
 from jaxframes.io.robots import example_robot, example_robots
 from jaxframes.io.urdf import load_urdf
 from jaxframes.io.urdf_write import to_urdf
@@ -69,6 +70,7 @@ __all__ = [
     "kdl",
     "load_mjcf",
     "load_urdf",
+    "mjcf_keyframes",
     "save_png",
     "show_frames_3d",
     "show_frames_graph",

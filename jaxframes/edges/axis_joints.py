@@ -26,6 +26,7 @@ class Revolute(AxisJoint):
         velocity_limits: Largest rate [1] in rad/s, infinite where unlimited. Kept, not enforced.
         effort_limits: Largest torque [1] in N m, infinite where unlimited. Kept, not enforced.
         active: Whether the joint is driven (static). Kept, no query reads it.
+        rest: Coordinates that ``tree.state()`` starts with (static). Default: zeros.
     """
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
@@ -45,6 +46,7 @@ class Continuous(AxisJoint):
         velocity_limits: Largest rate [1] in rad/s.
         effort_limits: Largest torque [1] in N m.
         active: Whether the joint is driven (static).
+        rest: Coordinates that ``tree.state()`` starts with (static). Default: zeros.
     """
 
     is_manifold: ClassVar[bool] = True
@@ -56,8 +58,9 @@ class Continuous(AxisJoint):
         velocity_limits: Any = None,
         effort_limits: Any = None,
         active: bool = True,
+        rest: Any = None,
     ):
-        super().__init__(axis, placement, None, velocity_limits, effort_limits, active)
+        super().__init__(axis, placement, None, velocity_limits, effort_limits, active, rest)
 
     def arguments(self) -> dict[str, Any]:
         return {name: value for name, value in super().arguments().items() if name != "limits"}
@@ -82,6 +85,7 @@ class Prismatic(AxisJoint):
         velocity_limits: Largest rate [1] in m/s, infinite where unlimited. Kept, not enforced.
         effort_limits: Largest force [1] in N, infinite where unlimited. Kept, not enforced.
         active: Whether the joint is driven (static). Kept, no query reads it.
+        rest: Coordinates that ``tree.state()`` starts with (static). Default: zeros.
     """
 
     def angles(self) -> tuple[bool, ...]:
@@ -106,6 +110,7 @@ class Screw(AxisJoint):
         velocity_limits: Largest rate [1] in rad/s.
         effort_limits: Largest torque [1] in N m.
         active: Whether the joint is driven (static).
+        rest: Coordinates that ``tree.state()`` starts with (static). Default: zeros.
     """
 
     axis: jax.Array  # said again so that it stays the first leaf
@@ -120,8 +125,9 @@ class Screw(AxisJoint):
         velocity_limits: Any = None,
         effort_limits: Any = None,
         active: bool = True,
+        rest: Any = None,
     ):
-        super().__init__(axis, placement, limits, velocity_limits, effort_limits, active)
+        super().__init__(axis, placement, limits, velocity_limits, effort_limits, active, rest)
         object.__setattr__(self, "pitch", one_number(pitch, "the pitch of a screw"))
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
@@ -144,6 +150,7 @@ class Cylindrical(AxisJoint):
         velocity_limits: Largest rates [2] in rad/s and m/s.
         effort_limits: Largest torque and force [2].
         active: Whether the joint is driven (static).
+        rest: Coordinates that ``tree.state()`` starts with (static). Default: zeros.
     """
 
     nq: ClassVar[int] = 2

@@ -206,6 +206,14 @@ class Edge:
         """Return the coordinates [..., nq] in the form they should have, such as unit quaternions."""
         return q
 
+    def clamp(self, q: jax.Array) -> jax.Array:
+        """Return coordinates [..., nq], each within its bounds already, moved inside what else limits the edge; in their proper form."""
+        return self.project(q)
+
+    def bounded(self, q: np.ndarray) -> tuple[tuple[str, np.ndarray, np.ndarray, np.ndarray], ...]:
+        """Return what is limited beside single coordinates: (what, values, lower, upper) [...] for coordinates [..., nq] (for checks)."""
+        return ()
+
     def random(self, key: jax.Array, q: jax.Array) -> jax.Array:
         """Return random coordinates; ``q`` [..., nq] holds numbers drawn uniformly within limits, to be taken or replaced."""
         return q

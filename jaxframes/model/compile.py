@@ -107,7 +107,6 @@ def compile_frames(declared: Declared) -> tuple[tuple[Edge, ...], Topology]:
         prescribed=tuple(prescribed),
         attachables=attachables,
         candidates=candidates,
-        neutral=tuple(value for name in joints for value in held_edges[name].neutral()),
         properties=tuple((name, declared.properties[name]) for name in names if name in declared.properties),
         edge_names=tuple(declared.edge_names.get(name) for name in names),
         sources=sources(held_edges, declared.edge_names, index),

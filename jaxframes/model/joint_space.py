@@ -25,8 +25,8 @@ class JointSpace(Parameters):
     """
 
     def neutral(self) -> jax.Array:
-        """Return the coordinates [nq] of all joints at rest: zeros, and identity quaternions."""
-        return as_float(np.asarray(self.topology.neutral, np.float64)).astype(self.dtype)
+        """Return the coordinates [nq] of all joints at rest: zeros and identity quaternions, unless a joint's ``rest`` says others."""
+        return as_float(np.asarray(self.rest, np.float64)).astype(self.dtype)
 
     def integrate(self, q: Any, v: Any, dt: Any = 1.0) -> jax.Array:
         """Return the coordinates [..., nq] that constant rates lead to: q + v dt, on the manifold.
@@ -72,7 +72,7 @@ class JointSpace(Parameters):
     def clamp(self, q: Any) -> jax.Array:
         """Return coordinates [..., nq] moved inside the limits, quaternions normalised; NaN stays NaN.
 
-        Limits of joints that follow others are not looked at.
+        A ball's ``angle_limit`` brings its angle down about the same axis. Limits of joints that follow others are not looked at.
 
         Gradients: 1 inside and exactly at a limit, 0 outside.
         """
@@ -80,13 +80,14 @@ class JointSpace(Parameters):
         low, high = self.limits()
         low, high, q = same_batch(low.astype(q.dtype), high.astype(q.dtype), q)
         inside = jnp.where(q < low, low, jnp.where(q > high, high, q))
-        return self._on_manifolds(inside, 0, lambda edge, cut: edge.project(cut(inside, 0)))
+        return self._on_manifolds(inside, 0, lambda edge, cut: edge.clamp(cut(inside, 0)))
 
     def random(self, key: jax.Array, batch: Sequence[int] = ()) -> jax.Array:
         """Return random coordinates [*batch, nq], uniform within limits.
 
         Without limits angles lie within half a turn and lengths within a metre of zero (or of the one limit there is);
-        quaternions are uniform over all rotations. Limits of joints that follow others are not looked at.
+        quaternions are uniform over all rotations, or over those within a ball's ``angle_limit``. Limits of joints that follow others
+        are not looked at.
 
         Args:
             key: A key of ``jax.random``.

@@ -93,6 +93,11 @@ class Structure(ABC):
         return self.topology.nv
 
     @functools.cached_property
+    def rest(self) -> tuple[float, ...]:
+        """The nq coordinates of all joints at rest: what each joint's ``rest`` says, else zeros and identity quaternions."""
+        return tuple(value for frame in self.topology.joint_frames for value in self.edge_of(frame).neutral())
+
+    @functools.cached_property
     def properties(self) -> Mapping[str, Mapping[str, Any]]:
         """Facts kept with each frame: read-only, static, empty where none were given."""
         known = dict(self.topology.properties)

@@ -33,7 +33,6 @@ class Topology:
         prescribed: Index in the state's prescribed motions of each frame's edge, or -1.
         attachables: Frames whose parent is data; ``parents`` holds the one each starts on.
         candidates: Frames that may be the parent of each of these.
-        neutral: Coordinates of all joints at rest position.
         properties: (frame name, frozen properties) of the frames that have some.
     """
 
@@ -48,7 +47,6 @@ class Topology:
     prescribed: tuple[int, ...]
     attachables: tuple[int, ...] = ()
     candidates: tuple[tuple[int, ...], ...] = ()
-    neutral: tuple[float, ...] = ()
     properties: tuple[tuple[str, Any], ...] = ()
     edge_names: tuple[str | None, ...] = ()
     sources: tuple[int, ...] = ()
@@ -56,7 +54,7 @@ class Topology:
     @functools.cached_property
     def _digest(self) -> bytes:
         parts = (self.names, self.parents, self.stacked, self.locations, self.coordinates, self.joint_names, self.prescribed)
-        more = (self.attachables, self.candidates, self.neutral, self.properties, self.edge_names, self.sources, self.joint_frames)
+        more = (self.attachables, self.candidates, self.properties, self.edge_names, self.sources, self.joint_frames)
         return hashlib.blake2b(repr((parts, more)).encode()).digest()
 
     @functools.cached_property

@@ -28,14 +28,14 @@ class States(JointSpace):
 
         Args:
             q: Joint coordinates [..., nq] in the order of ``joint_names``, or a mapping of joint names to values; joints that
-                are not named rest at zero. rad and m. Plain numbers and lists take the tree's dtype, arrays of floats keep theirs, in
-                either form; a query computes in the widest dtype of tree and state.
+                are not named keep their ``rest``, zero unless the joint says another. rad and m. Plain numbers and lists take the tree's
+                dtype, arrays of floats keep theirs, in either form; a query computes in the widest dtype of tree and state.
             qd: Joint rates, likewise [..., nv]. Default: zero.
             qdd: Second derivatives, likewise [..., nv]. Default: zero.
             time: ``Epoch``, or seconds past J2000 TDB [...]. Needed by queries that cross a table.
 
         Raises:
-            ShapeError: An array does not fit the tree's joint_values.
+            ShapeError: An array does not fit the tree's joints.
             UnknownJointError: A mapping names a joint that does not exist.
         """
         return joint_values.make_state(self, q, qd, qdd, time)
