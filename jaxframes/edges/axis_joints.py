@@ -29,6 +29,9 @@ class Revolute(AxisJoint):
         rest: Coordinates that ``tree.state()`` starts with (static). Default: zeros.
     """
 
+    def periodic(self) -> tuple[bool, ...]:
+        return (True,)
+
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         return (RotationStep(angle=coordinate(inputs, 0), **self._parts(inputs)),)
 
@@ -37,7 +40,8 @@ class Revolute(AxisJoint):
 class Continuous(AxisJoint):
     """A rotation about an axis without end: as ``Revolute``, but q and q + 2 pi are the same place.
 
-    ``q`` stays a plain angle that may count turns; ``tree.difference`` takes the shorter way round, in [-pi, pi].
+    ``q`` stays a plain angle that may count turns; ``tree.difference`` takes the shorter way round, in [-pi, pi], unless a joint follows
+    (``Mimic``) that would not be where it was after a whole turn.
 
     Attributes:
         axis: Unit axis [3] in the axes of the placement.
@@ -64,6 +68,9 @@ class Continuous(AxisJoint):
 
     def arguments(self) -> dict[str, Any]:
         return {name: value for name, value in super().arguments().items() if name != "limits"}
+
+    def periodic(self) -> tuple[bool, ...]:
+        return (True,)
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         return (RotationStep(angle=coordinate(inputs, 0), **self._parts(inputs)),)
@@ -158,6 +165,9 @@ class Cylindrical(AxisJoint):
 
     def angles(self) -> tuple[bool, ...]:
         return (True, False)
+
+    def periodic(self) -> tuple[bool, ...]:
+        return self.angles()
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         parts = self._parts(inputs)

@@ -59,6 +59,9 @@ class Compound(Joint):
     def angles(self) -> tuple[bool, ...]:
         return self.turning
 
+    def periodic(self) -> tuple[bool, ...]:
+        return self.turning
+
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         found: list[Step] = []
         placed = self._placed(inputs)
@@ -176,6 +179,9 @@ class Planar(AxisJoint):
 
     def angles(self) -> tuple[bool, ...]:
         return (False, False, True)
+
+    def periodic(self) -> tuple[bool, ...]:
+        return self.angles()
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         n = V3(*inputs.components(self.axis))

@@ -105,7 +105,7 @@ class Parameters(Structure):
 
         Raises:
             UnknownFrameError: No such frame.
-            EdgeError: The new edge is of another family; build another tree for that.
+            EdgeError: The new edge is of another family, follows another joint or has other candidates; build another tree for that.
         """
         frame, old = self.topology.index(name), self.edge(name)
         if not isinstance(edge, Edge):
@@ -113,6 +113,7 @@ class Parameters(Structure):
         fresh = like(edge, old)
         if fresh is None:
             raise EdgeError(f"frame {name!r}: the edge given cannot take the place of {old.describe()}: {differs(edge, old)}")
+        _check_wiring(name, edge, old)
         return replace(self, frame_edges=(*self.frame_edges[: frame - 1], fresh, *self.frame_edges[frame:]))
 
     def astype(self, dtype: Any) -> Self:
@@ -173,6 +174,7 @@ class Parameters(Structure):
         Raises:
             UnknownFrameError: A name begins with no frame's.
             FrameError: A frame's edge has no such field.
+            EdgeError: A field names other frames or joints (``joint`` of a ``Mimic``, ``candidates``): build another tree for that.
             ShapeError: A value does not fit its parameter.
         """
         edges = list(self.frame_edges)
@@ -181,6 +183,7 @@ class Parameters(Structure):
             if frame == 0:
                 raise FrameError(f"{name!r} is the root, which hangs on nothing and has no parameters")
             edges[frame - 1] = _replaced(edges[frame - 1], fields, value, name)
+            _check_wiring(self.names[frame], edges[frame - 1], self.frame_edges[frame - 1])
         return replace(self, frame_edges=tuple(edges))
 
     @functools.cached_property
@@ -209,6 +212,17 @@ class Parameters(Structure):
             if frame in index:
                 return index[frame], tuple(parts[count:])
         raise UnknownFrameError(f"{name!r} does not begin with the name of a frame.{suggest(parts[0], self.names)}")
+
+
+def _check_wiring(frame: str, new: Edge, old: Edge) -> None:
+    """Refuse an edge that names other frames or joints than the one whose place it takes: the topology is compiled for those."""
+    ours, theirs = new.wiring(), old.wiring()
+    for field in theirs:
+        if ours.get(field) != theirs[field]:
+            raise EdgeError(
+                f"frame {frame!r}: {field} of its edge would be {ours.get(field)!r} instead of {theirs[field]!r}, and the tree is "
+                "compiled for that; change it in a builder: jf.TreeBuilder.from_tree(tree)"
+            )
 
 
 def _field(value: Any, field: str, name: str) -> Any:
