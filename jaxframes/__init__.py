@@ -33,6 +33,7 @@ from jaxframes.tree.text import DumpOptions
 from jaxframes.view.export import to_dot, to_mermaid
 from jaxframes.view.live import Button, FramesGraph, show_frames_graph
 from jaxframes.view.live_3d import Frames3D, show_frames_3d
+from jaxframes.view.looks import numbered_labels
 from jaxframes.view.picture import save_png
 from jaxframes.view.static import to_html
 
@@ -71,6 +72,7 @@ __all__ = [
     "load_mjcf",
     "load_urdf",
     "mjcf_keyframes",
+    "numbered_labels",
     "save_png",
     "show_frames_3d",
     "show_frames_graph",

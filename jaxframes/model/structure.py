@@ -1,5 +1,6 @@
 """Questions about a tree's structure: answered on the host from static arrays, without JAX."""
 
+import fnmatch
 import functools
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -9,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from jaxframes.edges.base import Edge
-from jaxframes.errors import ShapeError, TopologyError, UnknownJointError, suggest
+from jaxframes.errors import ShapeError, TopologyError, UnknownJointError, by_keyword, says_keywords, suggest
 from jaxframes.model.properties import thaw
 from jaxframes.model.state import Attachments, State
 from jaxframes.model.topology import Topology
 from jaxframes.staging.arrays import is_concrete
 
 
+@says_keywords
 class Structure(ABC):
     """What hangs on what, by name. Every name that is not in the tree is an UnknownFrameError.
 
@@ -129,7 +131,18 @@ class Structure(ABC):
         return frame
 
     def lookup(self, name: str) -> tuple[str, ...]:
-        """Return the frames with a name: always one, because names are unique (UnknownFrameError lists close names)."""
+        """Return the frames that a name or pattern fits, in order of declaration; never none.
+
+        Args:
+            name: A frame's name, or a pattern with ``*``, ``?`` and ``[...]`` such as ``"arm/*"``. A frame that is called so comes alone.
+
+        Raises:
+            UnknownFrameError: It fits no frame; close names are suggested.
+        """
+        if name not in self.topology.index_of and isinstance(name, str):
+            found = tuple(frame for frame in self.names if fnmatch.fnmatchcase(frame, name))
+            if found:
+                return found
         return (self.names[self.topology.index(name)],)
 
     def parent(self, name: str, state: State | None = None) -> Any:
@@ -180,6 +193,7 @@ class Structure(ABC):
 
     is_daf = is_attachable
 
+    @by_keyword
     def attached_to(self, state: State) -> dict[str, Any]:
         """Return the parent of each attachable frame: its name, or an array of frame indices [...] for a batch or a trace."""
         names = self.topology.names_of(self.topology.attachables)

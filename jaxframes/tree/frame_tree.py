@@ -5,6 +5,7 @@ from typing import Any, TypeVar
 
 import jax
 
+from jaxframes.errors import says_keywords
 from jaxframes.kinematics import queries
 from jaxframes.kinematics.apparent import ApparentState, checked
 from jaxframes.kinematics.plan import over_all_frames
@@ -20,6 +21,7 @@ SpatialQuantity = TypeVar("SpatialQuantity", Twist, Wrench)
 
 
 @jax.tree_util.register_pytree_with_keys_class
+@says_keywords
 class FrameTree(States):
     """A named tree of reference frames; made by ``TreeBuilder.build``.
 

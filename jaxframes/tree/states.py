@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.edges.mimic import Mimic
-from jaxframes.errors import EdgeError, FrameError, MissingInputError, ShapeError, TopologyError
+from jaxframes.errors import EdgeError, FrameError, MissingInputError, ShapeError, TopologyError, says_keywords
 from jaxframes.kinematics import queries
 from jaxframes.model import joint_values
 from jaxframes.model.attachment_graph import check_target, hangs_on
@@ -20,6 +20,7 @@ from jaxframes.staging.arrays import is_concrete
 KEEP = ("relative", "world", "motion")
 
 
+@says_keywords
 class States(JointSpace):
     """What a tree can do with states: all pure functions that return a new state."""
 
