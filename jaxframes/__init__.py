@@ -28,6 +28,7 @@ from jaxframes.time.epoch import Epoch
 from jaxframes.time.scales import SHIPPED_LEAP_SECONDS, LeapSeconds
 from jaxframes.tree.builder import TreeBuilder
 from jaxframes.tree.chain import Chain
+from jaxframes.tree.fit import JointFit
 from jaxframes.tree.frame_tree import FrameTree
 from jaxframes.tree.text import DumpOptions
 from jaxframes.view.export import to_dot, to_mermaid
@@ -49,6 +50,7 @@ __all__ = [
     "FrameTree",
     "Frames3D",
     "FramesGraph",
+    "JointFit",
     "LeapSeconds",
     "Motion",
     "Rotation",

@@ -43,7 +43,7 @@ class Declared:
         ordered = dict(zip((names[frame] for frame in topology.joint_frames), topology.joint_names, strict=True))
         rest = {name: edge for name, edge in zip(names, topology.edge_names, strict=True) if edge is not None and name not in ordered}
         parents = {name: names[parent] if parent >= 0 else None for name, parent in zip(names, topology.parents, strict=True)}
-        return cls(parents, dict(tree.edges), {**ordered, **rest}, dict(topology.properties))
+        return cls(parents, dict(tree.edges), {**ordered, **rest}, tree.frozen_properties())
 
     def part(self, names: Iterable[str]) -> "Declared":
         """Return some of the frames, in the order given; the first is the root of the part."""

@@ -19,6 +19,7 @@ import numpy as np
 from jaxframes.edges.base import Edge
 from jaxframes.errors import EdgeError, FrameError, ShapeError, UnknownFrameError, suggest
 from jaxframes.model.families import differs, float_dtype, like, rows_of, stack, stored
+from jaxframes.model.properties import freeze
 from jaxframes.model.structure import Structure
 from jaxframes.model.topology import Topology
 from jaxframes.staging.arrays import as_float, is_concrete
@@ -40,12 +41,12 @@ class Parameters(Structure):
     topology: Topology
 
     def tree_flatten(self) -> tuple[tuple[Edge, ...], Topology]:
-        """Return the edges, and the topology (for JAX)."""
-        return self.frame_edges, self.topology
+        """Return the edges, and the topology (for JAX), as programs see it where numbers are traced."""
+        return self.frame_edges, self.topology if not self.topology.notes or self.is_known else self.topology.plain
 
     def tree_flatten_with_keys(self) -> tuple[list[tuple[Any, Edge]], Topology]:
         """Return the edges with the names of their frames, and the topology (for JAX)."""
-        return list(zip(self.topology.keys, self.frame_edges, strict=True)), self.topology
+        return list(zip(self.topology.keys, self.frame_edges, strict=True)), self.tree_flatten()[1]
 
     @classmethod
     def tree_unflatten(cls, topology: Topology, edges: Any) -> Self:
@@ -185,6 +186,28 @@ class Parameters(Structure):
             edges[frame - 1] = _replaced(edges[frame - 1], fields, value, name)
             _check_wiring(self.names[frame], edges[frame - 1], self.frame_edges[frame - 1])
         return replace(self, frame_edges=tuple(edges))
+
+    def with_properties(self, properties: Mapping[str, Mapping[str, Any]]) -> Self:
+        """Return a tree in which frames have other properties; nothing compiles again, neither queries nor programs of your own.
+
+        They are for the host: ``tree.properties`` in a program, and of a tree that comes out of one, holds those that the tree was built
+        with.
+        A builder, an extracted tree and JSON take them over.
+
+        Args:
+            properties: For each frame its new properties, as ``TreeBuilder.add`` takes them, in place of all that it had.
+
+        Raises:
+            UnknownFrameError: No such frame.
+            EdgeError: A value is none that properties hold.
+            FrameError: The tree's numbers are traced.
+        """
+        if not self.is_known:
+            raise FrameError("with_properties is for the host: this tree's numbers are traced; set them outside of jit, grad and vmap")
+        for name in properties:
+            self.topology.index(name)
+        fresh = {name: freeze(held, f"frame {name!r}") for name, held in properties.items()}
+        return replace(self, topology=replace(self.topology, notes=tuple({**dict(self.topology.notes), **fresh}.items())))
 
     @functools.cached_property
     def _names(self) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from jaxframes.edges.base import Edge
 from jaxframes.errors import ShapeError, TopologyError, UnknownJointError, by_keyword, says_keywords, suggest
-from jaxframes.model.properties import thaw
+from jaxframes.model.properties import Properties, thaw
 from jaxframes.model.state import Attachments, State
 from jaxframes.model.topology import Topology
 from jaxframes.staging.arrays import is_concrete
@@ -101,9 +101,17 @@ class Structure(ABC):
 
     @functools.cached_property
     def properties(self) -> Mapping[str, Mapping[str, Any]]:
-        """Facts kept with each frame: read-only, static, empty where none were given."""
-        known = dict(self.topology.properties)
+        """Facts kept with each frame: read-only, static, empty where none were given.
+
+        In a program (under ``jit`` and its like) those that the tree was built with: what ``with_properties`` sets later is for the host.
+        """
+        known = self.frozen_properties()
         return MappingProxyType({name: thaw(known.get(name, ())) for name in self.names})
+
+    def frozen_properties(self) -> dict[str, Properties]:
+        """Return the properties of the frames that have some as they are kept: hashable."""
+        later = self.topology.notes if self.is_known else ()
+        return {name: held for name, held in {**dict(self.topology.properties), **dict(later)}.items() if held}
 
     @property
     def edges(self) -> Mapping[str, Edge]:
@@ -212,8 +220,8 @@ class Structure(ABC):
     def attachments_in(self, state: State) -> Attachments:
         """Return a state's attachments (ShapeError if they are not those of this tree)."""
         held, count = state.attachments, len(self.topology.attachables)
-        if held is None or held.parents.shape[-1] != count:
-            found = "none" if held is None else held.parents.shape[-1]
+        if held is None or held.links.shape[-1] != count:
+            found = "none" if held is None else held.links.shape[-1]
             raise ShapeError(f"this tree has {count} attachable frames, the state holds {found}; make it with this tree.state(...)")
         return held
 

@@ -3,7 +3,7 @@
 import functools
 import hashlib
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
@@ -33,7 +33,8 @@ class Topology:
         prescribed: Index in the state's prescribed motions of each frame's edge, or -1.
         attachables: Frames whose parent is data; ``parents`` holds the one each starts on.
         candidates: Frames that may be the parent of each of these.
-        properties: (frame name, frozen properties) of the frames that have some.
+        properties: (frame name, frozen properties) of the frames that were built with some.
+        notes: The same for frames whose properties were set later: no part of what makes topologies equal, so no program may read them.
     """
 
     names: tuple[str, ...]
@@ -50,6 +51,7 @@ class Topology:
     properties: tuple[tuple[str, Any], ...] = ()
     edge_names: tuple[str | None, ...] = ()
     sources: tuple[int, ...] = ()
+    notes: tuple[tuple[str, Any], ...] = ()
 
     @functools.cached_property
     def _digest(self) -> bytes:
@@ -70,6 +72,11 @@ class Topology:
         if not isinstance(other, Topology):
             return NotImplemented
         return self._hash == other._hash and self._digest == other._digest and self.groups == other.groups
+
+    @functools.cached_property
+    def plain(self) -> "Topology":
+        """The topology without what was set later."""
+        return replace(self, notes=()) if self.notes else self
 
     @functools.cached_property
     def keys(self) -> tuple[Any, ...]:

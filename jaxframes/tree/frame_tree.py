@@ -200,6 +200,10 @@ class FrameTree(States):
         """
         return queries.jacobian(self, state, of, relative_to, expressed_in)
 
+    def jacobians(self, state: State, *, of: Sequence[str], relative_to: str, expressed_in: str | None = None) -> jax.Array:
+        """Return the Jacobians of several frames in one call, [..., len(of), 6, nv] (ShapeError if none; else as for ``jacobian``)."""
+        return queries.jacobians(self, state, of, relative_to, expressed_in)
+
     def jacobian_dot(self, state: State, *, of: str, relative_to: str, expressed_in: str | None = None) -> jax.Array:
         """Return the time derivative [..., 6, nv] of ``jacobian`` as the joints, tables and prescribed frames move.
 
