@@ -6,6 +6,7 @@ from jaxframes.errors import FrameError
 from jaxframes.io import interop
 from jaxframes.io.json_tree import from_json, to_json
 from jaxframes.io.mjcf import load_mjcf
+from jaxframes.io.mjcf_keyframes import mjcf_keyframes
 from jaxframes.io.robots import example_robot, example_robots
 from jaxframes.io.urdf import load_urdf
 from jaxframes.io.urdf_write import to_urdf
@@ -27,11 +28,13 @@ from jaxframes.time.epoch import Epoch
 from jaxframes.time.scales import SHIPPED_LEAP_SECONDS, LeapSeconds
 from jaxframes.tree.builder import TreeBuilder
 from jaxframes.tree.chain import Chain
+from jaxframes.tree.fit import JointFit
 from jaxframes.tree.frame_tree import FrameTree
 from jaxframes.tree.text import DumpOptions
 from jaxframes.view.export import to_dot, to_mermaid
 from jaxframes.view.live import Button, FramesGraph, show_frames_graph
 from jaxframes.view.live_3d import Frames3D, show_frames_3d
+from jaxframes.view.looks import numbered_labels
 from jaxframes.view.picture import save_png
 from jaxframes.view.static import to_html
 
@@ -47,6 +50,7 @@ __all__ = [
     "FrameTree",
     "Frames3D",
     "FramesGraph",
+    "JointFit",
     "LeapSeconds",
     "Motion",
     "Rotation",
@@ -69,6 +73,8 @@ __all__ = [
     "kdl",
     "load_mjcf",
     "load_urdf",
+    "mjcf_keyframes",
+    "numbered_labels",
     "save_png",
     "show_frames_3d",
     "show_frames_graph",

@@ -1,7 +1,13 @@
 """The one family of exceptions: each names the thing, what was found, and the remedy."""
 
 import difflib
-from collections.abc import Iterable
+import functools
+import inspect
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
+
+Class = TypeVar("Class", bound=type)
+Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 class FrameWarning(UserWarning):
@@ -106,3 +112,37 @@ def suggest(name: str, known: Iterable[str]) -> str:
         return ""
     shown = ", ".join(repr(n) for n in names[:8])
     return f" Known: {shown}{', ...' if len(names) > 8 else ''} ({len(names)} in all)."
+
+
+def says_keywords(cls: Class) -> Class:
+    """Return a class whose own methods with keywords say, where arguments come without one, which there are."""
+    for name, method in list(vars(cls).items()):
+        if inspect.isfunction(method) and not name.startswith("_") and any(map(_is_named, inspect.signature(method).parameters.values())):
+            setattr(cls, name, by_keyword(method))
+    return cls
+
+
+def by_keyword(method: Method) -> Method:
+    """Return a method whose TypeError for too many arguments without a name says which names there are."""
+    parameters = list(inspect.signature(method).parameters.values())
+    plain = [p.name for p in parameters if p.kind is p.POSITIONAL_OR_KEYWORD]
+    named = list(filter(_is_named, parameters))
+    needed = [p.name for p in named if p.default is p.empty] or [p.name for p in named]
+
+    @functools.wraps(method)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        if len(args) > len(plain):
+            raise TypeError(_without_names(method.__name__, plain[1:], needed, args[len(plain) :]))
+        return method(*args, **kwargs)
+
+    return call  # pyright: ignore[reportReturnType]
+
+
+def _is_named(parameter: inspect.Parameter) -> bool:
+    return parameter.kind is parameter.KEYWORD_ONLY
+
+
+def _without_names(function: str, plain: list[str], named: list[str], more: tuple[Any, ...]) -> str:
+    found = ", ".join(repr(value) if isinstance(value, str) else f"a {type(value).__name__}" for value in more)
+    remedy = f"name what follows: {', '.join(f'{name}=' for name in named)}" if named else "it takes nothing more"
+    return f"{function}({', '.join([*plain, *(f'{name}=...' for name in named)])}) was given {found} without a name; {remedy}"

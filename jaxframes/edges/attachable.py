@@ -1,7 +1,7 @@
 """An edge whose parent is data: the state says what the frame hangs on, and where."""
 
 from collections.abc import Callable, Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from jaxframes.edges.base import Edge, Inputs
 from jaxframes.edges.family import family
@@ -38,6 +38,9 @@ class Attachable(Edge):
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         raise AssertionError("the motion of an attachable edge is held by the state")
+
+    def wiring(self) -> dict[str, Any]:
+        return {"candidates": self.candidates}
 
     def renamed(self, rename: Callable[[str], str]) -> "Attachable":
         return self if self.candidates is None else self.replace(candidates=tuple(map(rename, self.candidates)))

@@ -26,7 +26,11 @@ class Revolute(AxisJoint):
         velocity_limits: Largest rate [1] in rad/s, infinite where unlimited. Kept, not enforced.
         effort_limits: Largest torque [1] in N m, infinite where unlimited. Kept, not enforced.
         active: Whether the joint is driven (static). Kept, no query reads it.
+        rest: Coordinates that ``tree.state()`` starts with (static). Default: zeros.
     """
+
+    def periodic(self) -> tuple[bool, ...]:
+        return (True,)
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         return (RotationStep(angle=coordinate(inputs, 0), **self._parts(inputs)),)
@@ -36,7 +40,8 @@ class Revolute(AxisJoint):
 class Continuous(AxisJoint):
     """A rotation about an axis without end: as ``Revolute``, but q and q + 2 pi are the same place.
 
-    ``q`` stays a plain angle that may count turns; ``tree.difference`` takes the shorter way round, in [-pi, pi].
+    ``q`` stays a plain angle that may count turns; ``tree.difference`` takes the shorter way round, in [-pi, pi], unless a joint follows
+    (``Mimic``) that would not be where it was after a whole turn.
 
     Attributes:
         axis: Unit axis [3] in the axes of the placement.
@@ -45,6 +50,7 @@ class Continuous(AxisJoint):
         velocity_limits: Largest rate [1] in rad/s.
         effort_limits: Largest torque [1] in N m.
         active: Whether the joint is driven (static).
+        rest: Coordinates that ``tree.state()`` starts with (static). Default: zeros.
     """
 
     is_manifold: ClassVar[bool] = True
@@ -56,11 +62,15 @@ class Continuous(AxisJoint):
         velocity_limits: Any = None,
         effort_limits: Any = None,
         active: bool = True,
+        rest: Any = None,
     ):
-        super().__init__(axis, placement, None, velocity_limits, effort_limits, active)
+        super().__init__(axis, placement, None, velocity_limits, effort_limits, active, rest)
 
     def arguments(self) -> dict[str, Any]:
         return {name: value for name, value in super().arguments().items() if name != "limits"}
+
+    def periodic(self) -> tuple[bool, ...]:
+        return (True,)
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         return (RotationStep(angle=coordinate(inputs, 0), **self._parts(inputs)),)
@@ -82,6 +92,7 @@ class Prismatic(AxisJoint):
         velocity_limits: Largest rate [1] in m/s, infinite where unlimited. Kept, not enforced.
         effort_limits: Largest force [1] in N, infinite where unlimited. Kept, not enforced.
         active: Whether the joint is driven (static). Kept, no query reads it.
+        rest: Coordinates that ``tree.state()`` starts with (static). Default: zeros.
     """
 
     def angles(self) -> tuple[bool, ...]:
@@ -106,6 +117,7 @@ class Screw(AxisJoint):
         velocity_limits: Largest rate [1] in rad/s.
         effort_limits: Largest torque [1] in N m.
         active: Whether the joint is driven (static).
+        rest: Coordinates that ``tree.state()`` starts with (static). Default: zeros.
     """
 
     axis: jax.Array  # said again so that it stays the first leaf
@@ -120,8 +132,9 @@ class Screw(AxisJoint):
         velocity_limits: Any = None,
         effort_limits: Any = None,
         active: bool = True,
+        rest: Any = None,
     ):
-        super().__init__(axis, placement, limits, velocity_limits, effort_limits, active)
+        super().__init__(axis, placement, limits, velocity_limits, effort_limits, active, rest)
         object.__setattr__(self, "pitch", one_number(pitch, "the pitch of a screw"))
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
@@ -144,6 +157,7 @@ class Cylindrical(AxisJoint):
         velocity_limits: Largest rates [2] in rad/s and m/s.
         effort_limits: Largest torque and force [2].
         active: Whether the joint is driven (static).
+        rest: Coordinates that ``tree.state()`` starts with (static). Default: zeros.
     """
 
     nq: ClassVar[int] = 2
@@ -151,6 +165,9 @@ class Cylindrical(AxisJoint):
 
     def angles(self) -> tuple[bool, ...]:
         return (True, False)
+
+    def periodic(self) -> tuple[bool, ...]:
+        return self.angles()
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         parts = self._parts(inputs)

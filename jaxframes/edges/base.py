@@ -194,6 +194,14 @@ class Edge:
         """Return, for each coordinate, whether it is an angle in radians (else a length in metres)."""
         return (True,) * self.nq
 
+    def periodic(self) -> tuple[bool, ...]:
+        """Return, for each coordinate, whether a whole turn (2 pi) more of it is the same pose; False unless a family says so."""
+        return (False,) * self.nq
+
+    def wiring(self) -> dict[str, Any]:
+        """Return the static fields, by name, that name other frames or joints: a tree is compiled for them, so they stay in it."""
+        return {}
+
     def integrate(self, q: jax.Array, step: jax.Array) -> jax.Array:
         """Return the coordinates [..., nq] that a constant rate leads to, from q; ``step`` [..., nv] is the rate times the time."""
         return q + step
@@ -205,6 +213,14 @@ class Edge:
     def project(self, q: jax.Array) -> jax.Array:
         """Return the coordinates [..., nq] in the form they should have, such as unit quaternions."""
         return q
+
+    def clamp(self, q: jax.Array) -> jax.Array:
+        """Return coordinates [..., nq], each within its bounds already, moved inside what else limits the edge; in their proper form."""
+        return self.project(q)
+
+    def bounded(self, q: np.ndarray) -> tuple[tuple[str, np.ndarray, np.ndarray, np.ndarray], ...]:
+        """Return what is limited beside single coordinates: (what, values, lower, upper) [...] for coordinates [..., nq] (for checks)."""
+        return ()
 
     def random(self, key: jax.Array, q: jax.Array) -> jax.Array:
         """Return random coordinates; ``q`` [..., nq] holds numbers drawn uniformly within limits, to be taken or replaced."""

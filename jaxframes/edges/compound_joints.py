@@ -42,12 +42,13 @@ class Compound(Joint):
         velocity_limits: Any = None,
         effort_limits: Any = None,
         active: bool = True,
+        rest: Any = None,
     ):
         given = self.standard if axes is None else tuple(axes)
         if len(given) != self.nq:
             raise EdgeError(f"{type(self).__name__}(axes=...) takes {self.nq} axes, found {len(given)}: {axes!r}")
         object.__setattr__(self, "axes", tuple(unit_axis(axis) for axis in given))
-        super().__init__(placement, limits, velocity_limits, effort_limits, active)
+        super().__init__(placement, limits, velocity_limits, effort_limits, active, rest)
 
     def normalized(self) -> Self:
         return super().normalized().replace(axes=tuple(map(unit, self.axes)))
@@ -56,6 +57,9 @@ class Compound(Joint):
         return {f"axes.{i}": axis for i, axis in enumerate(self.axes)}
 
     def angles(self) -> tuple[bool, ...]:
+        return self.turning
+
+    def periodic(self) -> tuple[bool, ...]:
         return self.turning
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
@@ -79,6 +83,7 @@ class Universal(Compound):
         velocity_limits: Largest rates [2].
         effort_limits: Largest torques [2].
         active: Whether the joint is driven (static).
+        rest: Coordinates that ``tree.state()`` starts with (static). Default: zeros.
     """
 
     nq: ClassVar[int] = 2
@@ -101,6 +106,7 @@ class Spherical(Compound):
         velocity_limits: Largest rates [3].
         effort_limits: Largest torques [3].
         active: Whether the joint is driven (static).
+        rest: Coordinates that ``tree.state()`` starts with (static). Default: zeros.
     """
 
     nq: ClassVar[int] = 3
@@ -120,6 +126,7 @@ class PrismaticSpherical(Compound):
         velocity_limits: Largest rates [4].
         effort_limits: Largest torques and force [4].
         active: Whether the joint is driven (static).
+        rest: Coordinates that ``tree.state()`` starts with (static). Default: zeros.
     """
 
     nq: ClassVar[int] = 4
@@ -139,6 +146,7 @@ class PrismaticUniversal(Compound):
         velocity_limits: Largest rates [3].
         effort_limits: Largest torques and force [3].
         active: Whether the joint is driven (static).
+        rest: Coordinates that ``tree.state()`` starts with (static). Default: zeros.
     """
 
     nq: ClassVar[int] = 3
@@ -163,6 +171,7 @@ class Planar(AxisJoint):
         velocity_limits: Largest rates [3].
         effort_limits: Largest forces and torque [3].
         active: Whether the joint is driven (static).
+        rest: Coordinates that ``tree.state()`` starts with (static). Default: zeros.
     """
 
     nq: ClassVar[int] = 3
@@ -170,6 +179,9 @@ class Planar(AxisJoint):
 
     def angles(self) -> tuple[bool, ...]:
         return (False, False, True)
+
+    def periodic(self) -> tuple[bool, ...]:
+        return self.angles()
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         n = V3(*inputs.components(self.axis))

@@ -16,7 +16,7 @@ from jaxframes.numerics.steps import Coordinate, Step
 from jaxframes.spatial import Transform
 from jaxframes.staging.arrays import as_float, is_concrete, unit
 
-KEPT = ("active", "limits", "velocity_limits", "effort_limits")
+KEPT = ("active", "limits", "velocity_limits", "effort_limits", "rest")
 """Static fields of joints that no query reads."""
 
 
@@ -81,6 +81,34 @@ def as_magnitude_limits(limits: Any, count: int, what: str) -> tuple[float, ...]
     return tuple(numbers.tolist())
 
 
+def as_rest(rest: Any, count: int, quaternion: bool) -> tuple[float, ...] | None:
+    """Return coordinates at rest as so many numbers, a quaternion before them at unit length; None for the usual ones.
+
+    Args:
+        rest: One number, or ``count`` of them, or None.
+        count: How many coordinates the joint has.
+        quaternion: Whether the first four are a quaternion wxyz.
+
+    Raises:
+        EdgeError: The numbers are not as many or not finite, the quaternion is zero, or they are traced.
+    """
+    if rest is None:
+        return None
+    _known(rest, "coordinates at rest")
+    try:
+        numbers = np.asarray(rest, np.float64).reshape(-1)
+    except (TypeError, ValueError):
+        numbers = np.empty(0)
+    if numbers.shape != (count,) or not np.all(np.isfinite(numbers)):
+        raise EdgeError(f"rest takes {count} finite number{'s' if count > 1 else ''}, found {rest!r}")
+    if quaternion:
+        length = np.linalg.norm(numbers[:4])
+        if length == 0:
+            raise EdgeError(f"rest begins with a quaternion (w, x, y, z), and that of {rest!r} is zero; the identity is (1, 0, 0, 0)")
+        numbers = np.concatenate([numbers[:4] / (1.0 if abs(length - 1.0) < 4e-16 else length), numbers[4:]])
+    return tuple(numbers.tolist())
+
+
 def _known(values: Any, what: str) -> None:
     """Refuse traced numbers where a static field needs known ones."""
     if not all(map(is_concrete, jax.tree.leaves(values))):
@@ -113,6 +141,7 @@ class Joint(Edge):
         velocity_limits: Largest magnitude of each rate, nv numbers, infinite where unlimited. Kept, not enforced.
         effort_limits: Largest torque or force of each rate, nv numbers (N m or N). Kept, not enforced.
         active: Whether the joint is driven (static). Kept, no query reads it.
+        rest: The nq coordinates that ``tree.state()`` and ``tree.neutral()`` start with (static); None for zeros and identity quaternions.
     """
 
     placement: Transform
@@ -120,8 +149,9 @@ class Joint(Edge):
     velocity_limits: tuple[float, ...]
     effort_limits: tuple[float, ...]
     active: bool
+    rest: tuple[float, ...] | None
 
-    def __init__(self, placement: Transform | None, limits: Any, velocity_limits: Any, effort_limits: Any, active: bool):
+    def __init__(self, placement: Transform | None, limits: Any, velocity_limits: Any, effort_limits: Any, active: bool, rest: Any):
         if placement is not None and not isinstance(placement, Transform):
             raise EdgeError(f"placement must be a jf.Transform, found {type(placement).__name__}: {placement!r}")
         if not isinstance(active, bool):
@@ -132,21 +162,29 @@ class Joint(Edge):
         put("velocity_limits", as_magnitude_limits(velocity_limits, self.nv, "velocity"))
         put("effort_limits", as_magnitude_limits(effort_limits, self.nv, "effort"))
         put("active", active)
+        put("rest", as_rest(rest, self.nq, quaternion=self.nq != self.nv))
+
+    def neutral(self) -> tuple[float, ...]:
+        """Return the coordinates at rest."""
+        return super().neutral() if self.rest is None else self.rest
 
     def limits_of(self) -> tuple[Any, Any] | None:
         """Return the lower and upper bounds [nq]."""
         return np.asarray(self.limits[: self.nq]), np.asarray(self.limits[self.nq :])
 
     def arguments(self) -> dict[str, Any]:
-        """Return what the constructor takes; limits as (lower, upper), each a number or one for each coordinate."""
+        """Return what the constructor takes; limits as (lower, upper), each a number or one for each coordinate; no rest that is none."""
         lower, upper = self.limits[: self.nq], self.limits[self.nq :]
-        return {**super().arguments(), "limits": self.limits if self.nq == 1 else (lower, upper)}
+        given = {name: value for name, value in super().arguments().items() if name != "rest" or value is not None}
+        return {**given, "limits": self.limits if self.nq == 1 else (lower, upper)}
 
     def checked_fact(self, name: str, value: Any) -> Any:
         if name == "limits":
             return as_bounds(value, self.nq)
         if name in ("velocity_limits", "effort_limits"):
             return as_magnitude_limits(value, self.nv, name.removesuffix("_limits"))
+        if name == "rest":
+            return as_rest(value, self.nq, quaternion=self.nq != self.nv)
         return super().checked_fact(name, value)
 
     def preceded_by(self, change: Transform) -> Self:
@@ -185,9 +223,10 @@ class AxisJoint(Joint):
         velocity_limits: Any = None,
         effort_limits: Any = None,
         active: bool = True,
+        rest: Any = None,
     ):
         object.__setattr__(self, "axis", unit_axis(axis))
-        super().__init__(placement, limits, velocity_limits, effort_limits, active)
+        super().__init__(placement, limits, velocity_limits, effort_limits, active, rest)
 
     def normalized(self) -> Self:
         return super().normalized().replace(axis=unit(self.axis))
@@ -221,6 +260,7 @@ class Virtual(Joint):
         velocity_limits: Largest rates [count].
         effort_limits: Largest efforts [count].
         active: Whether the joint is driven (static).
+        rest: Coordinates that ``tree.state()`` starts with (static). Default: zeros.
     """
 
     count: int
@@ -233,11 +273,12 @@ class Virtual(Joint):
         velocity_limits: Any = None,
         effort_limits: Any = None,
         active: bool = True,
+        rest: Any = None,
     ):
         if not isinstance(count, int) or count < 1:
             raise EdgeError(f"Virtual(count=...) takes the number of coordinates to keep, 1 or more; found {count!r}")
         object.__setattr__(self, "count", count)
-        super().__init__(placement, limits, velocity_limits, effort_limits, active)
+        super().__init__(placement, limits, velocity_limits, effort_limits, active, rest)
 
     @property
     def nq(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]

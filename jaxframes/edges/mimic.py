@@ -93,6 +93,9 @@ class Mimic(Edge):
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         return self.edge.steps(inputs, order)
 
+    def wiring(self) -> dict[str, Any]:
+        return {"joint": self.joint, "coordinate": self.coordinate}
+
     def renamed(self, rename: Callable[[str], str]) -> "Mimic":
         return self.replace(joint=rename(self.joint))
 

@@ -1,6 +1,6 @@
 """Rotations and poses to and from other libraries, by value; the order of a quaternion is part of every name.
 
-SciPy and jaxlie are imported by the functions that make their objects, nothing else is. NumPy arrays are what
+SciPy, jaxlie and PyKDL are imported by the functions that make their objects, nothing else is. NumPy arrays are what
 ``numpy.asarray`` makes of any field; ROS messages, MuJoCo arrays and SPICE matrices need no library at all.
 """
 
@@ -177,7 +177,7 @@ def wrench_from_tf2(message: Any) -> Wrench:
 def _one(array: Any) -> list[float]:
     array = np.asarray(array)
     if array.ndim != 1:
-        raise ShapeError(f"a message holds one value; found a batch of shape {array.shape[:-1]}: convert its items one by one")
+        raise ShapeError(f"a message or object holds one value; found a batch of shape {array.shape[:-1]}: convert its items one by one")
     return [float(v) for v in array]
 
 
@@ -191,6 +191,55 @@ def _get(message: Any, name: str) -> Any:
 
 def _read(message: Any, names: str) -> jax.Array:
     return as_float(np.array([float(_get(message, name)) for name in names]))
+
+
+# ---------------------------------------------------------------------- PyKDL: one value each, by value
+def rotation_to_pykdl_xyzw(rotation: Rotation) -> Any:
+    """Return one rotation as a ``PyKDL.Rotation``, made by ``Rotation.Quaternion(x, y, z, w)``."""
+    return _imported("PyKDL").Rotation.Quaternion(*_one(rotation_to_numpy_xyzw(rotation)))
+
+
+def rotation_from_pykdl_xyzw(rotation: Any) -> Rotation:
+    """Return the rotation of a ``PyKDL.Rotation``, read by ``GetQuaternion()`` as (x, y, z, w); normalised."""
+    return Rotation.from_quaternion_xyzw(np.array(rotation.GetQuaternion()))
+
+
+def transform_to_pykdl_xyzw(transform: Transform) -> Any:
+    """Return one pose as a ``PyKDL.Frame``."""
+    return _imported("PyKDL").Frame(rotation_to_pykdl_xyzw(transform.rotation), _to_pykdl(transform.translation))
+
+
+def transform_from_pykdl_xyzw(frame: Any) -> Transform:
+    """Return the pose of a ``PyKDL.Frame``: its rotation ``M`` and origin ``p``."""
+    return Transform(rotation_from_pykdl_xyzw(frame.M), _from_pykdl(frame.p))
+
+
+def twist_to_pykdl(twist: Twist) -> Any:
+    """Return one twist as a ``PyKDL.Twist(vel, rot)``: linear first, as KDL has it."""
+    return _imported("PyKDL").Twist(_to_pykdl(twist.linear), _to_pykdl(twist.angular))
+
+
+def twist_from_pykdl(twist: Any) -> Twist:
+    """Return the twist of a ``PyKDL.Twist``: ``vel`` and ``rot``."""
+    return Twist(linear=_from_pykdl(twist.vel), angular=_from_pykdl(twist.rot))
+
+
+def wrench_to_pykdl(wrench: Wrench) -> Any:
+    """Return one wrench as a ``PyKDL.Wrench(force, torque)``."""
+    return _imported("PyKDL").Wrench(_to_pykdl(wrench.force), _to_pykdl(wrench.torque))
+
+
+def wrench_from_pykdl(wrench: Any) -> Wrench:
+    """Return the wrench of a ``PyKDL.Wrench``."""
+    return Wrench(force=_from_pykdl(wrench.force), torque=_from_pykdl(wrench.torque))
+
+
+def _to_pykdl(vector: Any) -> Any:
+    return _imported("PyKDL").Vector(*_one(vector))
+
+
+def _from_pykdl(vector: Any) -> jax.Array:
+    return as_float(np.array([float(vector[i]) for i in range(3)]))
 
 
 # ---------------------------------------------------------------------- MuJoCo

@@ -4,12 +4,12 @@ The format is that of ROS (https://wiki.ros.org/urdf/XML): every link is a frame
 child link. Kinematics is read strictly; inertial, visual and collision data are kept as properties without being looked at.
 """
 
+import functools
 import heapq
 import math
+from collections.abc import Callable
 from os import PathLike
 from typing import Any
-
-import numpy as np
 
 from jaxframes import edges
 from jaxframes.edges.base import Edge
@@ -23,15 +23,12 @@ from jaxframes.errors import (
     UnknownJointError,
     suggest,
 )
+from jaxframes.io.urdf_attributes import IN_JOINT, IN_LINK, KEPT_IN_JOINT, ZERO, bounds_of, check_attributes, placement
 from jaxframes.io.xml_nodes import Node, facts, parse, read
-from jaxframes.numerics import host_quaternions
-from jaxframes.spatial import Rotation, Transform
+from jaxframes.spatial import Transform
 from jaxframes.tree import FrameTree, TreeBuilder
 
 TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
-IN_JOINT = ("parent", "child", "origin", "axis", "limit", "mimic")
-KEPT_IN_JOINT = ("dynamics", "safety_controller", "calibration")
-IN_LINK = ("inertial", "visual", "collision")
 UNLIMITED = 1e300
 """Limits of at least this magnitude mean none (URDF has no word for a prismatic joint without limits)."""
 
@@ -42,7 +39,8 @@ def load_urdf(source: str | PathLike[str] | bytes, *, mimic: bool = True) -> Fra
     Every link is a frame with the link's name, every joint the edge above its child link with the joint's name; the two are
     separate name spaces. Fixed joints stay frames of their own. ``q`` is in the file's order of joints. Joints that mimic
     another take no entries in ``q``. A floating joint becomes ``Free``, a planar one ``Planar`` in the plane across its axis, as
-    the format says (Pinocchio 4 always takes z). Meshes are not looked for, ``package://`` is not resolved, nothing is fetched.
+    the format says (Pinocchio 4 always takes z). Rotations are ``rpy``, or ``quat_xyzw`` of URDF 1.1. Meshes are not looked for,
+    ``package://`` is not resolved, nothing is fetched.
 
     Args:
         source: Path of a file, or the text itself (which starts with ``<``).
@@ -51,10 +49,11 @@ def load_urdf(source: str | PathLike[str] | bytes, *, mimic: bool = True) -> Fra
     Returns:
         A tree rooted in the link that is no joint's child. Properties: of a frame ``inertial``, ``visual``, ``collision`` and
         ``joint`` (what the joint above it says beside its motion); of the root also ``robot`` (the name) and ``ignored``
-        (how often each unknown element was met).
+        (how often each unknown element was met, and each unknown attribute, as ``"joint/limit/@current"``).
 
     Raises:
-        FormatError: The text is no URDF: not XML, xacro, a document type, an unknown joint type, numbers that are none.
+        FormatError: The text is no URDF: not XML, xacro, a document type, an unknown joint type, numbers that are none, or
+            an attribute that is not understood on an element that says where a link is.
         TopologyError: Links do not form one tree, or joints mimic each other in a ring.
         DuplicateNameError: Two links or two joints share a name.
         UnknownFrameError: A joint names a link that does not exist.
@@ -98,7 +97,7 @@ def _collect(robot: Node) -> tuple[dict[str, Node], list[Node], dict[str, int]]:
     """Return the links by name, the joints in order, and how often unknown elements occur."""
     links: dict[str, Node] = {}
     joints: dict[str, Node] = {}
-    ignored: dict[str, int] = {}
+    ignored: dict[str, int] = check_attributes(robot)
     for node in robot:
         if node.tag.startswith("xacro:"):
             node.fail("this is xacro, not URDF; expand it first: xacro file.xacro > file.urdf")
@@ -157,7 +156,8 @@ def _ordered(robot: Node, links: dict[str, Node], joints: list[Node]) -> tuple[s
     roots = [name for name in links if name not in above]
     if len(roots) > 1:
         shown = ", ".join(repr(name) for name in roots[:5])
-        links[roots[1]].fail(f"{len(roots)} links hang on nothing: {shown}; one root is needed: connect the others", TopologyError)
+        unread = "".join(_unread(node) for node in robot if node.tag not in ("link", "joint") and _is_joint(node))
+        links[roots[1]].fail(f"{len(roots)} links hang on nothing: {shown}; one root is needed: connect the others{unread}", TopologyError)
     order: list[int] = []
     ahead = list(below[roots[0]]) if roots else []
     while ahead:
@@ -170,6 +170,16 @@ def _ordered(robot: Node, links: dict[str, Node], joints: list[Node]) -> tuple[s
         ring = _ring(next(i for i in range(len(joints)) if i not in seen), joints, above, links)
         ring[0].fail(f"a cycle of joints: {' -> '.join(repr(j.text('name')) for j in ring)}; remove one of them", TopologyError)
     return roots[0], [joints[i] for i in order]
+
+
+def _is_joint(node: Node) -> bool:
+    """Whether an element that is not read looks like a joint: by its name, or because it names a parent and a child."""
+    return "joint" in node.tag.lower() or {"parent", "child"} <= {inner.tag for inner in node}
+
+
+def _unread(node: Node) -> str:
+    what = "".join(f" {key}={node.attributes[key]!r}" for key in ("name", "type") if key in node.attributes)
+    return f". <{node.tag}{what}> of line {node.line} is not read: URDF's element is <joint>, of type {', '.join(TYPES)}"
 
 
 def _ring(start: int, joints: list[Node], above: dict[str, Node], links: dict[str, Node]) -> list[Node]:
@@ -212,37 +222,35 @@ def _edge(joint: Node, followed: dict[str, Node]) -> Edge:
     kind = joint.text("type")
     if kind not in TYPES:
         joint.fail(f"unknown joint type {kind!r}.{suggest(kind, TYPES)} URDF knows {', '.join(TYPES)}")
-    name, placement = joint.text("name"), _placement(joint)
+    name, at = joint.text("name"), placement(joint)
     if kind == "fixed":
-        return edges.Fixed(placement)
-    limit = joint.one("limit")
+        return edges.Fixed(at)
+    make, node = _moving(joint, kind, at, joint.one("limit")), followed.get(name)
+    factors = (1.0, 0.0) if node is None else (node.number("multiplier", 1.0), node.number("offset", 0.0))
     try:
-        own = _moving(joint, kind, placement, limit)
-        if name not in followed:
-            return own
-        node = followed[name]
-        return edges.Mimic(node.text("joint"), own, multiplier=node.number("multiplier", 1.0), offset=node.number("offset", 0.0))
-    except EdgeError as error:
+        return make() if node is None else edges.Mimic(node.text("joint"), make(), *factors)
+    except EdgeError as error:  # what an edge refuses; what the file says wrongly has been refused with its place above
         joint.fail(str(error), EdgeError)
 
 
-def _moving(joint: Node, kind: str, placement: Transform, limit: Node | None) -> Edge:
+def _moving(joint: Node, kind: str, at: Transform, limit: Node | None) -> Callable[[], Edge]:
+    """Return a function that makes the edge of a joint that moves; what the file says of it is read and checked before."""
     if kind == "floating":
-        return edges.Free(placement)
+        return functools.partial(edges.Free, at)
     axis = _axis(joint)
     if kind == "planar":
-        return edges.Planar(axis, placement)
+        return functools.partial(edges.Planar, axis, at)
     velocity, effort = (_magnitude_limit(limit, name) for name in ("velocity", "effort"))
     magnitude_limits: dict[str, Any] = {"velocity_limits": velocity, "effort_limits": effort}
     if kind == "continuous":
-        return edges.Continuous(axis, placement, **magnitude_limits)
+        return functools.partial(edges.Continuous, axis, at, **magnitude_limits)
     if limit is None:
         joint.fail(f"a {kind} joint needs <limit lower=... upper=.../>; add it" + ", or use type='continuous'" * (kind == "revolute"))
-    bounds = limit.number("lower", 0.0), limit.number("upper", 0.0)
+    bounds = bounds_of(joint, limit)
     if bounds[0] > bounds[1]:
         limit.fail(f"the limits of joint {joint.text('name')!r} are reversed: lower {bounds[0]:g} is above upper {bounds[1]:g}", EdgeError)
     free = tuple(math.copysign(math.inf, b) if abs(b) >= UNLIMITED else b for b in bounds)
-    return (edges.Revolute if kind == "revolute" else edges.Prismatic)(axis, placement, free, **magnitude_limits)
+    return functools.partial(edges.Revolute if kind == "revolute" else edges.Prismatic, axis, at, free, **magnitude_limits)
 
 
 def _magnitude_limit(limit: Node | None, name: str) -> float:
@@ -259,13 +267,6 @@ def _axis(joint: Node) -> tuple[float, ...]:
     return axis
 
 
-def _placement(joint: Node) -> Transform:
-    node = joint.one("origin")
-    zero = (0.0, 0.0, 0.0)
-    xyz, rpy = (zero, zero) if node is None else (node.numbers("xyz", 3, zero), node.numbers("rpy", 3, zero))
-    return Transform(Rotation(host_quaternions.from_rpy(rpy)), np.array(xyz))  # pyright: ignore[reportArgumentType]
-
-
 def _link_facts(link: Node) -> dict[str, Any]:
     return {tag: value for tag, value in facts(link).items() if tag in IN_LINK}
 
@@ -276,6 +277,6 @@ def _joint_facts(joint: Node) -> dict[str, Any]:
     if joint.attributes["type"] in ("planar", "floating") and (limit := joint.one("limit")) is not None:
         found["limit"] = facts(limit)
     origin = joint.one("origin")
-    if origin is not None and any(rpy := origin.numbers("rpy", 3, (0.0, 0.0, 0.0))):
+    if origin is not None and any(rpy := origin.numbers("rpy", 3, ZERO)):
         found["rpy"] = rpy
     return {"type": joint.attributes["type"], **found}

@@ -10,7 +10,7 @@ import numpy as np
 from jaxframes import edges
 from jaxframes.edges.joint import AxisJoint, Joint
 from jaxframes.errors import FormatError
-from jaxframes.io.urdf import IN_LINK, KEPT_IN_JOINT
+from jaxframes.io.urdf_attributes import IN_LINK, KEPT_IN_JOINT
 from jaxframes.numerics import host_quaternions
 from jaxframes.spatial import Transform
 from jaxframes.staging.arrays import is_concrete

@@ -1,5 +1,6 @@
 """XML read safely: elements with their line numbers; no document types, no entities, nothing fetched, a size limit."""
 
+import contextlib
 import os
 import re
 from collections.abc import Iterator
@@ -153,6 +154,16 @@ def parse(data: bytes, source: str) -> Node:
     except (LookupError, UnicodeError, ValueError) as error:
         raise FormatError(f"{source}: its encoding cannot be read ({error}); save it as UTF-8") from None
     return outermost[0]
+
+
+def outermost_tag(data: bytes) -> str | None:
+    """Return what the outermost element is called, whatever comes after it; None where that cannot be told."""
+    parser = expat.ParserCreate()
+    met: list[str] = []
+    parser.StartElementHandler = lambda tag, attributes: met.append(tag)
+    with contextlib.suppress(expat.ExpatError, LookupError, UnicodeError, ValueError):  # others say what is wrong with it
+        parser.Parse(data.lstrip(), True)
+    return met[0] if met else None
 
 
 def facts(node: Node) -> dict[str, Any]:

@@ -34,7 +34,8 @@ class Context:
         if not isinstance(state, State):
             raise ShapeError(f"a query takes a state, made by tree.state(...), and found {type(state).__name__}")
         self.tree, self.topology, self.order = tree, tree.topology, order
-        self.dtype = widest(tree.dtype, float_dtype(state))
+        held = state.attachments  # the numbers of parents, floats among the leaves, are none that are computed with
+        self.dtype = widest(tree.dtype, float_dtype((replace(state, attachments=None), held and held.motion)))
         self._check_joints(state)
         self.shape = self._batch_shape(state)
         self.state = state
@@ -129,8 +130,8 @@ class Context:
             )
 
         attachable, given = len(self.topology.attachables), state.attachments
-        if (0 if given is None else given.parents.shape[-1]) != attachable:
-            found = "none" if given is None else given.parents.shape[-1]
+        if (0 if given is None else given.links.shape[-1]) != attachable:
+            found = "none" if given is None else given.links.shape[-1]
             raise ShapeError(f"this tree has {attachable} attachable frames, the state holds {found}; make it with this tree.state(...)")
 
     def _batch_shape(self, state: State) -> tuple[int, ...]:
@@ -138,7 +139,7 @@ class Context:
         shapes += [leaf.shape[:-2] for leaf in jax.tree.leaves(state.prescribed)]
         shapes += [part.shape for part in jax.tree.leaves(state.time)]
         if state.attachments is not None:
-            shapes += [state.attachments.parents.shape[:-1]]
+            shapes += [state.attachments.links.shape[:-1]]
             shapes += [leaf.shape[:-2] for leaf in jax.tree.leaves(state.attachments.motion)]
         shapes.append(self.tree.batch_shape)
         try:

@@ -242,7 +242,8 @@ def tails(edges: Sequence[AnySteps], count: int, of_numbers: int) -> tuple[int, 
             found[place] = of_numbers
         if isinstance(edge, EdgeSteps):
             for kept in edge.kept:
-                found[kept.place] = 1 if kept.count else found[kept.place]
+                if kept.count:  # else it reads no array, and there may be none
+                    found[kept.place] = 1
             for place in edge.held[0] if edge.held else ():
                 found[place] = 2
     return tuple(found)

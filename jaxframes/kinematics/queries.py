@@ -104,6 +104,10 @@ def _jacobian_dot(tree: Structure, state: State, of: int, relative_to: int, expr
     return jax.jvp(along, (broadcast(state),), (rate(tree, state),))[1]
 
 
+def _jacobians(tree: Structure, state: State, of: tuple[int, ...], relative_to: int, expressed_in: int) -> jax.Array:
+    return stack_arrays([_jacobian(tree, state, frame, relative_to, expressed_in) for frame in of], -3)
+
+
 def _compiled(function: Callable[..., Any], *static: str) -> Callable[..., Any]:
     """Return a query that is compiled once for each topology, with the tree's numbers as arguments, unless it is part of a larger program.
 
@@ -130,6 +134,7 @@ _between_compiled = _compiled(_between, "of", "relative_to", "expressed_in", "or
 _all_frames_compiled = _compiled(_all_frames, "relative_to", "order")
 _pairs_compiled = _compiled(_pairs, "of", "relative_to")
 _jacobian_compiled = _compiled(_jacobian, "of", "relative_to", "expressed_in")
+_jacobians_compiled = _compiled(_jacobians, "of", "relative_to", "expressed_in")
 _jacobian_dot_compiled = _compiled(_jacobian_dot, "of", "relative_to", "expressed_in")
 _apparent_compiled = _compiled(light_time.apparent, "looking")
 _attach_compiled = _compiled(reattachment.attach, "frame", "keep")
@@ -166,6 +171,14 @@ def pairs(tree: Structure, state: State, of: Sequence[str], relative_to: Sequenc
 def jacobian(tree: Structure, state: State, of: str, relative_to: str, expressed_in: str | None = None) -> jax.Array:
     """Return the Jacobian [..., 6, nv] of a relative velocity with respect to the joint rates, angular first."""
     return _jacobian_compiled(tree, state, **_indices(tree, of, relative_to, expressed_in))
+
+
+def jacobians(tree: Structure, state: State, of: Sequence[str], relative_to: str, expressed_in: str | None = None) -> jax.Array:
+    """Return the Jacobians of several frames, [..., len(of), 6, nv], in one program (ShapeError if no frames are named)."""
+    if isinstance(of, str) or not of:
+        raise ShapeError(f"jacobians takes a list of frame names that is not empty, found of={of!r}")
+    indices = _indices(tree, of[0], relative_to, expressed_in)
+    return _jacobians_compiled(tree, state, **{**indices, "of": tuple(map(tree.topology.index, of))})
 
 
 def jacobian_dot(tree: Structure, state: State, of: str, relative_to: str, expressed_in: str | None = None) -> jax.Array:

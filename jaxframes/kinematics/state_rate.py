@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from jaxframes.model.state import Attachments, State
 from jaxframes.model.structure import Structure
@@ -34,7 +33,7 @@ def rate(tree: Structure, state: State) -> State:
     state = broadcast(state)
     clock = None if state.time is None else Epoch(jnp.ones_like(state.time.hi), jnp.zeros_like(state.time.lo))
     held = state.attachments
-    attachments = None if held is None else Attachments(np.zeros(held.parents.shape, jax.dtypes.float0), _motion_rate(held.motion))  # pyright: ignore[reportArgumentType]
+    attachments = None if held is None else Attachments(jnp.zeros_like(held.links), _motion_rate(held.motion))
     return replace(
         state,
         q=coordinate_rates(tree, state),

@@ -43,7 +43,7 @@ class Declared:
         ordered = dict(zip((names[frame] for frame in topology.joint_frames), topology.joint_names, strict=True))
         rest = {name: edge for name, edge in zip(names, topology.edge_names, strict=True) if edge is not None and name not in ordered}
         parents = {name: names[parent] if parent >= 0 else None for name, parent in zip(names, topology.parents, strict=True)}
-        return cls(parents, dict(tree.edges), {**ordered, **rest}, dict(topology.properties))
+        return cls(parents, dict(tree.edges), {**ordered, **rest}, tree.frozen_properties())
 
     def part(self, names: Iterable[str]) -> "Declared":
         """Return some of the frames, in the order given; the first is the root of the part."""
@@ -107,7 +107,6 @@ def compile_frames(declared: Declared) -> tuple[tuple[Edge, ...], Topology]:
         prescribed=tuple(prescribed),
         attachables=attachables,
         candidates=candidates,
-        neutral=tuple(value for name in joints for value in held_edges[name].neutral()),
         properties=tuple((name, declared.properties[name]) for name in names if name in declared.properties),
         edge_names=tuple(declared.edge_names.get(name) for name in names),
         sources=sources(held_edges, declared.edge_names, index),

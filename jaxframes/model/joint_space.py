@@ -1,5 +1,6 @@
 """Joint coordinates as a manifold: moving along rates, differences, random and neutral places, limits."""
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -8,10 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.edges.base import Edge
+from jaxframes.edges.mimic import Mimic
 from jaxframes.errors import ShapeError
 from jaxframes.model.parameters import Parameters
 from jaxframes.model.structure import Structure
-from jaxframes.staging.arrays import as_float, widest
+from jaxframes.staging.arrays import as_float, is_concrete, widest
 
 SPAN = {True: 2.0 * np.pi, False: 2.0}
 """How wide ``random`` draws where a coordinate has no limits: a whole turn for an angle (rad), two metres for a length."""
@@ -21,12 +23,12 @@ class JointSpace(Parameters):
     """What a tree can do with joint coordinates ``q`` [..., nq] and rates [..., nv]: pure functions that jit, vmap, differentiate.
 
     Most joints are flat: their coordinates add up. Quaternion joints move along the rotation group (``Ball``) or along screw
-    motions (``Free``), continuous ones take the shorter way round.
+    motions (``Free``), continuous ones take the shorter way round where their followers let them.
     """
 
     def neutral(self) -> jax.Array:
-        """Return the coordinates [nq] of all joints at rest: zeros, and identity quaternions."""
-        return as_float(np.asarray(self.topology.neutral, np.float64)).astype(self.dtype)
+        """Return the coordinates [nq] of all joints at rest: zeros and identity quaternions, unless a joint's ``rest`` says others."""
+        return as_float(np.asarray(self.rest, np.float64)).astype(self.dtype)
 
     def integrate(self, q: Any, v: Any, dt: Any = 1.0) -> jax.Array:
         """Return the coordinates [..., nq] that constant rates lead to: q + v dt, on the manifold.
@@ -52,7 +54,9 @@ class JointSpace(Parameters):
     def difference(self, q0: Any, q1: Any) -> jax.Array:
         """Return the rates [..., nv] that lead from q0 to q1 in one second, the shorter way: ``integrate(q0, difference) == q1``.
 
-        For a continuous joint and for quaternions the equality is one of places: whole turns and signs of quaternions may differ.
+        For a continuous joint and for quaternions the equality is one of places, those of every frame: whole turns and signs of quaternions
+        may differ. A continuous joint that others follow takes the shorter way only if all of these are back where they were after a whole
+        turn: rotations with whole multipliers.
 
         Args:
             q0: Coordinates to start from [..., nq].
@@ -67,12 +71,17 @@ class JointSpace(Parameters):
         places = _columns(self, "q")
         step = q1 - q0
         step = step if places is None else step[..., places]
-        return self._on_manifolds(step, 2, lambda edge, cut: edge.difference(cut(q0, 0), cut(q1, 0)))
+        found = self._on_manifolds(step, 2, lambda edge, cut: edge.difference(cut(q0, 0), cut(q1, 0)))
+        for frame, returns in _with_followers(self).items():
+            at = self.topology.coordinates[frame][2]
+            found, step, back = same_batch(found, step, returns.astype(found.dtype))
+            found = found.at[..., at].set(jnp.where(back[..., 0] > 0, found[..., at], step[..., at]))
+        return found
 
     def clamp(self, q: Any) -> jax.Array:
         """Return coordinates [..., nq] moved inside the limits, quaternions normalised; NaN stays NaN.
 
-        Limits of joints that follow others are not looked at.
+        A ball's ``angle_limit`` brings its angle down about the same axis. Limits of joints that follow others are not looked at.
 
         Gradients: 1 inside and exactly at a limit, 0 outside.
         """
@@ -80,13 +89,14 @@ class JointSpace(Parameters):
         low, high = self.limits()
         low, high, q = same_batch(low.astype(q.dtype), high.astype(q.dtype), q)
         inside = jnp.where(q < low, low, jnp.where(q > high, high, q))
-        return self._on_manifolds(inside, 0, lambda edge, cut: edge.project(cut(inside, 0)))
+        return self._on_manifolds(inside, 0, lambda edge, cut: edge.clamp(cut(inside, 0)))
 
     def random(self, key: jax.Array, batch: Sequence[int] = ()) -> jax.Array:
         """Return random coordinates [*batch, nq], uniform within limits.
 
         Without limits angles lie within half a turn and lengths within a metre of zero (or of the one limit there is);
-        quaternions are uniform over all rotations. Limits of joints that follow others are not looked at.
+        quaternions are uniform over all rotations, or over those within a ball's ``angle_limit``. Limits of joints that follow others
+        are not looked at.
 
         Args:
             key: A key of ``jax.random``.
@@ -135,6 +145,35 @@ class JointSpace(Parameters):
                 first = where[place]
                 values = values.at[..., first : first + where[place + 1]].set(make(edge, cut))
         return values
+
+
+def _with_followers(tree: Structure) -> dict[int, jax.Array]:
+    """Return, for each joint of one coordinate on a manifold that others follow, whether all of these are back after a whole turn of it.
+
+    Returns:
+        Truth values [..., 1] by frame; joints of which it is known that all are back are left out.
+    """
+    found: dict[int, jax.Array] = {}
+    sources = tree.topology.sources
+    for frame, source in enumerate(sources):
+        if source < 0 or not isinstance(edge := tree.edge_of(frame), Mimic):
+            continue
+        factors, last = [edge.multiplier], source
+        while sources[last] >= 0 and isinstance(between := tree.edge_of(last), Mimic):
+            factors.append(between.multiplier)
+            last = sources[last]
+        joint = tree.edge_of(last)
+        if joint.nq != 1 or not joint.is_manifold:
+            continue
+        turns = joint.periodic()[0] and edge.edge.periodic()[0]
+        if all(map(is_concrete, factors)):
+            factor = functools.reduce(np.multiply, map(np.asarray, factors))
+            if np.all(factor == (np.round(factor) if turns else 0.0)):
+                continue
+        factor = functools.reduce(jnp.multiply, same_batch(*factors))
+        returns = factor == (jnp.round(factor) if turns else 0.0)
+        found[last] = returns if last not in found else jnp.logical_and(*jnp.broadcast_arrays(found[last], returns))
+    return found
 
 
 def _columns(tree: Structure, kind: str) -> np.ndarray | None:

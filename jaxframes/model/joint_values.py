@@ -25,12 +25,12 @@ ROWS = {"q": (0, 1), "qd": (2, 3), "qdd": (2, 3)}
 
 
 def make_state(tree: Structure, q: Any, qd: Any, qdd: Any, time: Any) -> State:
-    """Return a state with what is given, and neutral coordinates, zero rates and motions at rest elsewhere."""
+    """Return a state with what is given, and coordinates at rest, zero rates and motions at rest elsewhere."""
     topology, dtype = tree.topology, tree.dtype
     counts = {"q": topology.nq, "qd": topology.nv, "qdd": topology.nv}
     fields = {}
     for kind, value in (("q", q), ("qd", qd), ("qdd", qdd)):
-        rest = jnp.array(np.asarray(topology.neutral if kind == "q" else np.zeros(counts[kind]), dtype))
+        rest = jnp.array(np.asarray(tree.rest if kind == "q" else np.zeros(counts[kind]), dtype))
         if value is None:
             fields[kind] = rest
         elif isinstance(value, Mapping):

@@ -19,6 +19,7 @@ import numpy as np
 from jaxframes.edges.base import Edge
 from jaxframes.errors import EdgeError, FrameError, ShapeError, UnknownFrameError, suggest
 from jaxframes.model.families import differs, float_dtype, like, rows_of, stack, stored
+from jaxframes.model.properties import freeze
 from jaxframes.model.structure import Structure
 from jaxframes.model.topology import Topology
 from jaxframes.staging.arrays import as_float, is_concrete
@@ -40,12 +41,12 @@ class Parameters(Structure):
     topology: Topology
 
     def tree_flatten(self) -> tuple[tuple[Edge, ...], Topology]:
-        """Return the edges, and the topology (for JAX)."""
-        return self.frame_edges, self.topology
+        """Return the edges, and the topology (for JAX), as programs see it where numbers are traced."""
+        return self.frame_edges, self.topology if not self.topology.notes or self.is_known else self.topology.plain
 
     def tree_flatten_with_keys(self) -> tuple[list[tuple[Any, Edge]], Topology]:
         """Return the edges with the names of their frames, and the topology (for JAX)."""
-        return list(zip(self.topology.keys, self.frame_edges, strict=True)), self.topology
+        return list(zip(self.topology.keys, self.frame_edges, strict=True)), self.tree_flatten()[1]
 
     @classmethod
     def tree_unflatten(cls, topology: Topology, edges: Any) -> Self:
@@ -105,7 +106,7 @@ class Parameters(Structure):
 
         Raises:
             UnknownFrameError: No such frame.
-            EdgeError: The new edge is of another family; build another tree for that.
+            EdgeError: The new edge is of another family, follows another joint or has other candidates; build another tree for that.
         """
         frame, old = self.topology.index(name), self.edge(name)
         if not isinstance(edge, Edge):
@@ -113,6 +114,7 @@ class Parameters(Structure):
         fresh = like(edge, old)
         if fresh is None:
             raise EdgeError(f"frame {name!r}: the edge given cannot take the place of {old.describe()}: {differs(edge, old)}")
+        _check_wiring(name, edge, old)
         return replace(self, frame_edges=(*self.frame_edges[: frame - 1], fresh, *self.frame_edges[frame:]))
 
     def astype(self, dtype: Any) -> Self:
@@ -173,6 +175,7 @@ class Parameters(Structure):
         Raises:
             UnknownFrameError: A name begins with no frame's.
             FrameError: A frame's edge has no such field.
+            EdgeError: A field names other frames or joints (``joint`` of a ``Mimic``, ``candidates``): build another tree for that.
             ShapeError: A value does not fit its parameter.
         """
         edges = list(self.frame_edges)
@@ -181,7 +184,30 @@ class Parameters(Structure):
             if frame == 0:
                 raise FrameError(f"{name!r} is the root, which hangs on nothing and has no parameters")
             edges[frame - 1] = _replaced(edges[frame - 1], fields, value, name)
+            _check_wiring(self.names[frame], edges[frame - 1], self.frame_edges[frame - 1])
         return replace(self, frame_edges=tuple(edges))
+
+    def with_properties(self, properties: Mapping[str, Mapping[str, Any]]) -> Self:
+        """Return a tree in which frames have other properties; nothing compiles again, neither queries nor programs of your own.
+
+        They are for the host: ``tree.properties`` in a program, and of a tree that comes out of one, holds those that the tree was built
+        with.
+        A builder, an extracted tree and JSON take them over.
+
+        Args:
+            properties: For each frame its new properties, as ``TreeBuilder.add`` takes them, in place of all that it had.
+
+        Raises:
+            UnknownFrameError: No such frame.
+            EdgeError: A value is none that properties hold.
+            FrameError: The tree's numbers are traced.
+        """
+        if not self.is_known:
+            raise FrameError("with_properties is for the host: this tree's numbers are traced; set them outside of jit, grad and vmap")
+        for name in properties:
+            self.topology.index(name)
+        fresh = {name: freeze(held, f"frame {name!r}") for name, held in properties.items()}
+        return replace(self, topology=replace(self.topology, notes=tuple({**dict(self.topology.notes), **fresh}.items())))
 
     @functools.cached_property
     def _names(self) -> tuple[str, ...]:
@@ -209,6 +235,17 @@ class Parameters(Structure):
             if frame in index:
                 return index[frame], tuple(parts[count:])
         raise UnknownFrameError(f"{name!r} does not begin with the name of a frame.{suggest(parts[0], self.names)}")
+
+
+def _check_wiring(frame: str, new: Edge, old: Edge) -> None:
+    """Refuse an edge that names other frames or joints than the one whose place it takes: the topology is compiled for those."""
+    ours, theirs = new.wiring(), old.wiring()
+    for field in theirs:
+        if ours.get(field) != theirs[field]:
+            raise EdgeError(
+                f"frame {frame!r}: {field} of its edge would be {ours.get(field)!r} instead of {theirs[field]!r}, and the tree is "
+                "compiled for that; change it in a builder: jf.TreeBuilder.from_tree(tree)"
+            )
 
 
 def _field(value: Any, field: str, name: str) -> Any:

@@ -1,39 +1,76 @@
 """State: the numbers of one instant (or a batch of instants): joint values, rates, time and prescribed motions."""
 
+import contextlib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
+from jax import lax
 
 from jaxframes.errors import FrameError, ShapeError, suggest
 from jaxframes.numerics.batch import Batched, tag
 from jaxframes.spatial import Epoch, Motion
 from jaxframes.spatial.serialization import register
-from jaxframes.staging.arrays import as_float
+from jaxframes.staging.arrays import as_float, is_concrete
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True, eq=False, repr=False)
+@jax.tree_util.register_pytree_with_keys_class
+@dataclass(frozen=True, eq=False, repr=False, init=False)
 class Attachments:
     """What the attachable frames hang on, in order of declaration.
 
+    JAX refuses to differentiate by a value that holds whole numbers, as parents are. So the leaf is ``links``, the same numbers as floats
+    (exact up to 16 million frames), whose derivatives are zero; ``parents`` reads them.
+
     Attributes:
-        parents: Index in ``tree.names`` of each one's parent, int32 [..., n_attachable].
+        links: Index in ``tree.names`` of each one's parent, float32 [..., n_attachable]; the constructor takes whole numbers.
         motion: Motion of each one relative to its parent, leaves [..., n_attachable, 4 or 3].
     """
 
-    parents: jax.Array
+    links: jax.Array
     motion: Motion
     kind: str = tag("Attachments")
 
+    def __init__(self, links: Any, motion: Motion, kind: str = "Attachments"):
+        whole = isinstance(links, (jax.Array, np.ndarray)) and jnp.issubdtype(links.dtype, jnp.integer)
+        links = jnp.asarray(links).astype(jnp.float32) if whole else links
+        for name, value in (("links", links), ("motion", motion), ("kind", kind)):
+            object.__setattr__(self, name, value)
+
+    @property
+    def parents(self) -> jax.Array:
+        """Index in ``tree.names`` of each one's parent, int32 [..., n_attachable]; -1 where it is no number."""
+        links = self.links
+        if not isinstance(links, (jax.Array, np.ndarray)) or not jnp.issubdtype(links.dtype, jnp.floating):
+            return links  # while JAX handles it as a tree, anything may stand there
+        with jax.ensure_compile_time_eval() if is_concrete(links) else contextlib.nullcontext():
+            known = jnp.isfinite(links)
+            return jnp.where(known, jnp.rint(jnp.where(known, lax.stop_gradient(links), 0)), -1).astype(jnp.int32)
+
+    def tree_flatten_with_keys(self) -> tuple[tuple[tuple[Any, Any], ...], tuple[str]]:
+        """Return the leaves with their names, and the tag (for JAX)."""
+        key = jax.tree_util.GetAttrKey
+        return ((key("links"), self.links), (key("motion"), self.motion)), (self.kind,)
+
+    def tree_flatten(self) -> tuple[tuple[Any, Any], tuple[str]]:
+        """Return the leaves, and the tag (for JAX)."""
+        return (self.links, self.motion), (self.kind,)
+
+    @classmethod
+    def tree_unflatten(cls, kind: tuple[str], leaves: Any) -> "Attachments":
+        """Return the attachments of some leaves (for JAX)."""
+        links, motion = leaves
+        return cls(links, motion)
+
     def __repr__(self) -> str:
         """Return how many frames there are, and the shape of a batch; the numbers are in the fields."""
-        parents = self.parents
-        if not isinstance(parents, (jax.Array, np.ndarray, jax.ShapeDtypeStruct)) or not parents.ndim:
-            return f"Attachments({_brief(parents)}, {_brief(self.motion)})"
-        return f"Attachments({parents.shape[-1]} frames{f', shape={parents.shape[:-1]}' if parents.shape[:-1] else ''})"
+        links = self.links
+        if not isinstance(links, (jax.Array, np.ndarray, jax.ShapeDtypeStruct)) or not links.ndim:
+            return f"Attachments({_brief(links)}, {_brief(self.motion)})"
+        return f"Attachments({links.shape[-1]} frames{f', shape={links.shape[:-1]}' if links.shape[:-1] else ''})"
 
 
 @jax.tree_util.register_dataclass
@@ -51,7 +88,7 @@ class State(Batched):
         qdd: Second derivatives [..., nv], rad/s2 or m/s2.
         time: The instant as an ``Epoch``, or None for a tree queried without one.
         prescribed: Motions of the prescribed edges, leaves [..., n_prescribed, 4 or 3], in order of declaration.
-        attachments: What the attachable frames hang on; None for a tree without any.
+        attachments: What the attachable frames hang on; None for a tree without any. Derivatives by it are those by the motions.
     """
 
     q: jax.Array
@@ -111,7 +148,7 @@ class State(Batched):
             if held := self.prescribed.transform.translation.shape[-2]:
                 parts.append(f"{held} prescribed")
             if self.attachments is not None:
-                parts.append(f"{self.attachments.parents.shape[-1]} attachable")
+                parts.append(f"{self.attachments.links.shape[-1]} attachable")
             return f"State({', '.join(parts)}{f', shape={self.shape}' if self.shape else ''})"
         except (AttributeError, IndexError, TypeError, ValueError):  # while JAX handles it as a tree, anything may stand for its leaves
             return f"State({', '.join(f'{name}={_brief(getattr(self, name))}' for name in FIELDS)})"

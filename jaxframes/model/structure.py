@@ -1,5 +1,6 @@
 """Questions about a tree's structure: answered on the host from static arrays, without JAX."""
 
+import fnmatch
 import functools
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -9,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from jaxframes.edges.base import Edge
-from jaxframes.errors import ShapeError, TopologyError, UnknownJointError, suggest
-from jaxframes.model.properties import thaw
+from jaxframes.errors import ShapeError, TopologyError, UnknownJointError, by_keyword, says_keywords, suggest
+from jaxframes.model.properties import Properties, thaw
 from jaxframes.model.state import Attachments, State
 from jaxframes.model.topology import Topology
 from jaxframes.staging.arrays import is_concrete
 
 
+@says_keywords
 class Structure(ABC):
     """What hangs on what, by name. Every name that is not in the tree is an UnknownFrameError.
 
@@ -93,10 +95,23 @@ class Structure(ABC):
         return self.topology.nv
 
     @functools.cached_property
+    def rest(self) -> tuple[float, ...]:
+        """The nq coordinates of all joints at rest: what each joint's ``rest`` says, else zeros and identity quaternions."""
+        return tuple(value for frame in self.topology.joint_frames for value in self.edge_of(frame).neutral())
+
+    @functools.cached_property
     def properties(self) -> Mapping[str, Mapping[str, Any]]:
-        """Facts kept with each frame: read-only, static, empty where none were given."""
-        known = dict(self.topology.properties)
+        """Facts kept with each frame: read-only, static, empty where none were given.
+
+        In a program (under ``jit`` and its like) those that the tree was built with: what ``with_properties`` sets later is for the host.
+        """
+        known = self.frozen_properties()
         return MappingProxyType({name: thaw(known.get(name, ())) for name in self.names})
+
+    def frozen_properties(self) -> dict[str, Properties]:
+        """Return the properties of the frames that have some as they are kept: hashable."""
+        later = self.topology.notes if self.is_known else ()
+        return {name: held for name, held in {**dict(self.topology.properties), **dict(later)}.items() if held}
 
     @property
     def edges(self) -> Mapping[str, Edge]:
@@ -124,7 +139,18 @@ class Structure(ABC):
         return frame
 
     def lookup(self, name: str) -> tuple[str, ...]:
-        """Return the frames with a name: always one, because names are unique (UnknownFrameError lists close names)."""
+        """Return the frames that a name or pattern fits, in order of declaration; never none.
+
+        Args:
+            name: A frame's name, or a pattern with ``*``, ``?`` and ``[...]`` such as ``"arm/*"``. A frame that is called so comes alone.
+
+        Raises:
+            UnknownFrameError: It fits no frame; close names are suggested.
+        """
+        if name not in self.topology.index_of and isinstance(name, str):
+            found = tuple(frame for frame in self.names if fnmatch.fnmatchcase(frame, name))
+            if found:
+                return found
         return (self.names[self.topology.index(name)],)
 
     def parent(self, name: str, state: State | None = None) -> Any:
@@ -175,6 +201,7 @@ class Structure(ABC):
 
     is_daf = is_attachable
 
+    @by_keyword
     def attached_to(self, state: State) -> dict[str, Any]:
         """Return the parent of each attachable frame: its name, or an array of frame indices [...] for a batch or a trace."""
         names = self.topology.names_of(self.topology.attachables)
@@ -193,8 +220,8 @@ class Structure(ABC):
     def attachments_in(self, state: State) -> Attachments:
         """Return a state's attachments (ShapeError if they are not those of this tree)."""
         held, count = state.attachments, len(self.topology.attachables)
-        if held is None or held.parents.shape[-1] != count:
-            found = "none" if held is None else held.parents.shape[-1]
+        if held is None or held.links.shape[-1] != count:
+            found = "none" if held is None else held.links.shape[-1]
             raise ShapeError(f"this tree has {count} attachable frames, the state holds {found}; make it with this tree.state(...)")
         return held
 

@@ -3,7 +3,7 @@
 import functools
 import hashlib
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
@@ -33,8 +33,8 @@ class Topology:
         prescribed: Index in the state's prescribed motions of each frame's edge, or -1.
         attachables: Frames whose parent is data; ``parents`` holds the one each starts on.
         candidates: Frames that may be the parent of each of these.
-        neutral: Coordinates of all joints at rest position.
-        properties: (frame name, frozen properties) of the frames that have some.
+        properties: (frame name, frozen properties) of the frames that were built with some.
+        notes: The same for frames whose properties were set later: no part of what makes topologies equal, so no program may read them.
     """
 
     names: tuple[str, ...]
@@ -48,15 +48,15 @@ class Topology:
     prescribed: tuple[int, ...]
     attachables: tuple[int, ...] = ()
     candidates: tuple[tuple[int, ...], ...] = ()
-    neutral: tuple[float, ...] = ()
     properties: tuple[tuple[str, Any], ...] = ()
     edge_names: tuple[str | None, ...] = ()
     sources: tuple[int, ...] = ()
+    notes: tuple[tuple[str, Any], ...] = ()
 
     @functools.cached_property
     def _digest(self) -> bytes:
         parts = (self.names, self.parents, self.stacked, self.locations, self.coordinates, self.joint_names, self.prescribed)
-        more = (self.attachables, self.candidates, self.neutral, self.properties, self.edge_names, self.sources, self.joint_frames)
+        more = (self.attachables, self.candidates, self.properties, self.edge_names, self.sources, self.joint_frames)
         return hashlib.blake2b(repr((parts, more)).encode()).digest()
 
     @functools.cached_property
@@ -72,6 +72,11 @@ class Topology:
         if not isinstance(other, Topology):
             return NotImplemented
         return self._hash == other._hash and self._digest == other._digest and self.groups == other.groups
+
+    @functools.cached_property
+    def plain(self) -> "Topology":
+        """The topology without what was set later."""
+        return replace(self, notes=()) if self.notes else self
 
     @functools.cached_property
     def keys(self) -> tuple[Any, ...]:

@@ -7,7 +7,16 @@ from typing import Any
 from jaxframes.edges.base import Edge
 from jaxframes.edges.family import is_family
 from jaxframes.edges.fixed import Fixed
-from jaxframes.errors import DuplicateNameError, EdgeError, FrameWarning, TopologyError, UnknownFrameError, UnknownJointError, suggest
+from jaxframes.errors import (
+    DuplicateNameError,
+    EdgeError,
+    FrameWarning,
+    TopologyError,
+    UnknownFrameError,
+    UnknownJointError,
+    says_keywords,
+    suggest,
+)
 from jaxframes.model.compile import Declared, compile_frames
 from jaxframes.model.names import checked_name
 from jaxframes.model.properties import freeze, thaw
@@ -16,6 +25,7 @@ from jaxframes.tables.placing import OffersEdges, misplaced, place
 from jaxframes.tree.frame_tree import FrameTree
 
 
+@says_keywords
 class TreeBuilder:
     """Collects frames and edges, then compiles them into a ``FrameTree``.
 

@@ -72,18 +72,23 @@ def _joints(tree: States, state: State) -> Iterator[str]:
             if not _finite(values).all():
                 yield f"joint {joint!r}: {kind} is not finite{_where(~_finite(values))}"
         q = np.asarray(state.q)[..., first_q : first_q + nq]
-        limits = tree.edge(topology.names[frame]).limits_of()
-        if limits is not None:
-            low, high = (np.asarray(bound) for bound in limits)
-            low, high, wide = np.broadcast_arrays(low, high, q)
-            for i in range(nq):
-                outside = ((wide < low) | (wide > high))[..., i]
-                if outside.any():
-                    worst, lower, upper = (values[..., i][outside].reshape(-1)[0] for values in (wide, low, high))
-                    which = f"q[{i}]" if nq > 1 else "q"
-                    yield f"joint {joint!r}: {which} = {worst:.6g} is outside its limits [{lower:.6g}, {upper:.6g}]{_where(outside)}"
+        for what, values, low, high in _bounded(tree.edge(topology.names[frame]), q):
+            outside = (values < low) | (values > high)
+            if outside.any():
+                worst, lower, upper = (side[outside].reshape(-1)[0] for side in (values, low, high))
+                yield f"joint {joint!r}: {what} = {worst:.6g} is outside its limits [{lower:.6g}, {upper:.6g}]{_where(outside)}"
         if nq != nv and (nothing := np.linalg.norm(q[..., :4], axis=-1) == 0).any():
             yield f"joint {joint!r}: its quaternion is zero{_where(nothing)}; start from tree.neutral()"
+
+
+def _bounded(edge: Edge, q: np.ndarray) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield what is limited of an edge: a name, values, lower and upper bounds [...]."""
+    limits = edge.limits_of()
+    if limits is not None:
+        low, high, wide = np.broadcast_arrays(*map(np.asarray, limits), q)
+        for i in range(q.shape[-1]):
+            yield f"q[{i}]" if q.shape[-1] > 1 else "q", wide[..., i], low[..., i], high[..., i]
+    yield from edge.bounded(q)
 
 
 def _prescribed(tree: States, state: State) -> Iterator[str]:

@@ -5,6 +5,7 @@ from typing import Any, TypeVar
 
 import jax
 
+from jaxframes.errors import says_keywords
 from jaxframes.kinematics import queries
 from jaxframes.kinematics.apparent import ApparentState, checked
 from jaxframes.kinematics.plan import over_all_frames
@@ -20,6 +21,7 @@ SpatialQuantity = TypeVar("SpatialQuantity", Twist, Wrench)
 
 
 @jax.tree_util.register_pytree_with_keys_class
+@says_keywords
 class FrameTree(States):
     """A named tree of reference frames; made by ``TreeBuilder.build``.
 
@@ -197,6 +199,10 @@ class FrameTree(States):
             MissingInputError: The path crosses a table and the state has no time.
         """
         return queries.jacobian(self, state, of, relative_to, expressed_in)
+
+    def jacobians(self, state: State, *, of: Sequence[str], relative_to: str, expressed_in: str | None = None) -> jax.Array:
+        """Return the Jacobians of several frames in one call, [..., len(of), 6, nv] (ShapeError if none; else as for ``jacobian``)."""
+        return queries.jacobians(self, state, of, relative_to, expressed_in)
 
     def jacobian_dot(self, state: State, *, of: str, relative_to: str, expressed_in: str | None = None) -> jax.Array:
         """Return the time derivative [..., 6, nv] of ``jacobian`` as the joints, tables and prescribed frames move.

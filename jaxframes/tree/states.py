@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.edges.mimic import Mimic
-from jaxframes.errors import EdgeError, FrameError, MissingInputError, ShapeError, TopologyError
+from jaxframes.errors import EdgeError, FrameError, MissingInputError, ShapeError, TopologyError, says_keywords
 from jaxframes.kinematics import queries
 from jaxframes.model import joint_values
 from jaxframes.model.attachment_graph import check_target, hangs_on
@@ -16,10 +16,12 @@ from jaxframes.model.joint_space import JointSpace, same_batch
 from jaxframes.model.state import State
 from jaxframes.spatial import Motion, SpatialAcceleration, SpatialVelocity, Transform
 from jaxframes.staging.arrays import is_concrete
+from jaxframes.tree.fit import JointFit, fit_joint
 
 KEEP = ("relative", "world", "motion")
 
 
+@says_keywords
 class States(JointSpace):
     """What a tree can do with states: all pure functions that return a new state."""
 
@@ -28,14 +30,14 @@ class States(JointSpace):
 
         Args:
             q: Joint coordinates [..., nq] in the order of ``joint_names``, or a mapping of joint names to values; joints that
-                are not named rest at zero. rad and m. Plain numbers and lists take the tree's dtype, arrays of floats keep theirs, in
-                either form; a query computes in the widest dtype of tree and state.
+                are not named keep their ``rest``, zero unless the joint says another. rad and m. Plain numbers and lists take the tree's
+                dtype, arrays of floats keep theirs, in either form; a query computes in the widest dtype of tree and state.
             qd: Joint rates, likewise [..., nv]. Default: zero.
             qdd: Second derivatives, likewise [..., nv]. Default: zero.
             time: ``Epoch``, or seconds past J2000 TDB [...]. Needed by queries that cross a table.
 
         Raises:
-            ShapeError: An array does not fit the tree's joint_values.
+            ShapeError: An array does not fit the tree's joints.
             UnknownJointError: A mapping names a joint that does not exist.
         """
         return joint_values.make_state(self, q, qd, qdd, time)
@@ -125,6 +127,41 @@ class States(JointSpace):
             ShapeError: A motion is none, or its arrays do not fit.
         """
         return joint_values.set_motions(self.topology, state, motions)
+
+    def fit_joint(
+        self,
+        state: State,
+        joint: str,
+        *,
+        transform: Transform,
+        velocity: SpatialVelocity | None = None,
+        acceleration: SpatialAcceleration | None = None,
+        weight: Any = 1.0,
+    ) -> JointFit:
+        """Return the values of one joint that bring its frame closest to a motion wanted of it, and what is left of that motion.
+
+        So the result of ``chain.solve_transform`` and its like is put into a joint. Closest means: the smallest sum of squares of the angle
+        (rad) and of ``weight`` times the distance (m) between the two poses; then the same of the velocities, then of the accelerations.
+        What the joint can do it does exactly. Limits are not looked at (``tree.clamp``).
+
+        Args:
+            state: Where the search starts: of several places that are closest around, that one is found which lies downhill.
+            joint: Name of the joint.
+            transform: Pose wanted of the frame below the joint in its parent.
+            velocity: Velocity wanted of it relative to the parent, in the parent's axes. Default: the state's rates stay.
+            acceleration: Acceleration wanted, likewise (the classical one). Default: the state's second derivatives stay.
+            weight: Radians that a metre counts for [...].
+
+        Returns:
+            A ``JointFit``: ``state`` with the joint's values, ``q``, ``qd``, ``qdd``, and residuals [..., 6].
+
+        Raises:
+            UnknownJointError: No such joint, or it is fixed or follows another.
+            ShapeError: A motion is of another type.
+
+        Gradients: exact first derivatives by all numbers but those of the start, also where the motion is out of reach.
+        """
+        return fit_joint(self, state, joint, transform, velocity, acceleration, weight)
 
     def coverage(self, state: State) -> Mapping[str, jax.Array]:
         """Return -1 before, 0 inside, +1 after the span of each edge that reads the time, by frame name: int32 [...]."""

@@ -17,17 +17,19 @@ class DumpOptions:
     """What each line of a tree's text says beside the frame's name.
 
     Attributes:
-        type: The class of the edge above the frame.
-        edge_type: What the edge says of itself, with the joint's name where it differs from the frame's.
-        health: ``ok``, or the first thing that ``tree.check`` finds wrong with the frame (needs a state).
-        id: The frame's index, its place in ``tree.names``.
+        type_string: The class of the edge above the frame (kdFlex's ``type_string``).
+        edge_type: What the edge says of itself, with the joint's name where it differs from the frame's (kdFlex's ``edge_type``).
+        health: ``ok``, or the first thing that ``tree.check`` finds wrong with the frame; needs a state (kdFlex's ``healthy_status``).
+        index: The frame's index, its place in ``tree.names`` (kdFlex's ``id``).
         depth: The number of edges to the root.
+
+    kdFlex's ``ref_count`` and ``edge_ref_count`` count references of C++, which have no counterpart here.
     """
 
-    type: bool = False
+    type_string: bool = False
     edge_type: bool = True
     health: bool = False
-    id: bool = False
+    index: bool = False
     depth: bool = False
 
 
@@ -52,11 +54,11 @@ def format_tree(tree: States, options: DumpOptions, state: State | None, frame: 
 def _line(tree: States, frame: int, options: DumpOptions, state: State | None, wrong: tuple[str, ...]) -> str:
     topology = tree.topology
     name = topology.names[frame]
-    text = f"{frame}: {name}" if options.id else name
+    text = f"{frame}: {name}" if options.index else name
     facts = []
     if frame:
         edge = tree.edge_of(frame)
-        if options.type:
+        if options.type_string:
             facts.append(type(edge).__name__)
         if options.edge_type:
             facts.append(edge.describe() + _joint_text(tree, frame))

@@ -45,6 +45,31 @@ def labels_of(tree: FrameTree, label_map: LabelMap | None) -> list[str]:
     return labels
 
 
+def numbered_labels(tree: FrameTree, label_map: LabelMap | None = None) -> dict[int, str]:
+    """Return a label map in which frames without a label are called by their number, as kdFlex's ``showFramesGraph`` calls them.
+
+    Args:
+        tree: The tree.
+        label_map: Labels by a frame's name or by its number in ``tree.names``.
+
+    Returns:
+        A label for each frame by its number: what ``label_map=`` of every picture and page takes. Without it these keep the names.
+
+    Raises:
+        UnknownFrameError: A key is no frame of the tree.
+
+    Example:
+        >>> import jaxframes as jf
+        >>> b = jf.TreeBuilder()
+        >>> b.add("arm", parent="world", edge=jf.edges.Fixed())
+        >>> jf.numbered_labels(b.build(), {"arm": "Arm"})
+        {0: '0', 1: 'Arm'}
+    """
+    given = labels_of(tree, label_map)
+    keys = {key if isinstance(key, str) else tree.names[key] for key in label_map or {}}
+    return {i: label if name in keys else str(i) for i, (name, label) in enumerate(zip(tree.names, given, strict=True))}
+
+
 def checked_coloring(coloring: str) -> str:
     """Return a colouring (FrameError for one that there is not)."""
     if coloring not in COLORINGS:

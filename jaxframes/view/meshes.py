@@ -70,7 +70,8 @@ def _shapes(trimesh: Any, properties: Mapping[str, Any], frame: int, name: str, 
         geometry = visual.get("geometry", {})
         mesh = _geometry(trimesh, geometry, name, folder)
         origin = visual.get("origin", {})
-        rotation = Rotation.from_rpy(*_floats(origin.get("rpy", (0, 0, 0)))).to_matrix()
+        turned = Rotation.from_rpy(*_floats(origin.get("rpy", (0, 0, 0))))
+        rotation = (Rotation.from_quaternion_xyzw(_floats(origin["quat_xyzw"])) if "quat_xyzw" in origin else turned).to_matrix()
         vertices = np.asarray(mesh.vertices, float) @ np.asarray(rotation, float).T + _floats(origin.get("xyz", (0, 0, 0)))
         yield Shape(frame, vertices.astype(np.float32), np.asarray(mesh.faces, np.uint32))
 

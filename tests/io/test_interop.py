@@ -2,13 +2,15 @@
 
 import subprocess
 import sys
+import types
 
 import jax
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation as ScipyRotation
 
 from jaxframes import spatial as s
-from jaxframes.errors import ShapeError
+from jaxframes.errors import MissingExtraError, ShapeError
 from jaxframes.io import interop
 from jaxframes.spatial import Rotation, SpatialVelocity, Transform, Twist, Wrench
 
@@ -138,3 +140,67 @@ def test_dual_quaternions(pose, tol):
 def test_nothing_is_imported_before_use():
     code = "import sys, jaxframes.io.interop; sys.exit(any(m in sys.modules for m in ('scipy.spatial', 'jaxlie', 'mujoco')))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+class KdlRotation:
+    """What the tests need of ``PyKDL.Rotation``: quaternions scalar last, entries by row and column (its golden values)."""
+
+    def __init__(self, matrix):
+        self.matrix = matrix
+
+    @classmethod
+    def Quaternion(cls, x, y, z, w):
+        return cls(ScipyRotation.from_quat([x, y, z, w]).as_matrix())
+
+    def GetQuaternion(self):
+        return tuple(ScipyRotation.from_matrix(self.matrix).as_quat())
+
+    def __getitem__(self, at):
+        return self.matrix[at]
+
+
+def stand_in():
+    """A module with PyKDL's classes, for where it is not installed."""
+    kdl = types.ModuleType("PyKDL")
+    kdl.Rotation, kdl.Vector = KdlRotation, lambda x, y, z: [x, y, z]
+    kdl.Frame = lambda M, p: types.SimpleNamespace(M=M, p=p)
+    kdl.Twist = lambda vel, rot: types.SimpleNamespace(vel=vel, rot=rot)
+    kdl.Wrench = lambda force, torque: types.SimpleNamespace(force=force, torque=torque)
+    return kdl
+
+
+@pytest.fixture(params=["stand-in", "PyKDL"])
+def kdl(request, monkeypatch):
+    if request.param == "PyKDL":
+        return pytest.importorskip("PyKDL")
+    monkeypatch.setitem(sys.modules, "PyKDL", stand_in())
+    return sys.modules["PyKDL"]
+
+
+def test_pykdl(kdl, tol):
+    pose = Transform.random(jax.random.key(3))
+    frame = interop.transform_to_pykdl_xyzw(pose)
+    matrix = np.array([[frame.M[i, j] for j in range(3)] for i in range(3)])
+    np.testing.assert_allclose(matrix, pose.rotation.to_matrix(), atol=tol)
+    np.testing.assert_allclose([frame.p[i] for i in range(3)], pose.translation, atol=tol)
+    assert s.allclose(interop.transform_from_pykdl_xyzw(frame), pose, atol=tol)
+    quarter = interop.rotation_from_pykdl_xyzw(kdl.Rotation.Quaternion(0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)))
+    np.testing.assert_allclose(quarter.to_matrix(), [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=tol)
+    x, z = kdl.Vector(1.0, 2.0, 3.0), kdl.Vector(4.0, 5.0, 6.0)
+    twist, wrench = interop.twist_from_pykdl(kdl.Twist(x, z)), interop.wrench_from_pykdl(kdl.Wrench(x, z))
+    np.testing.assert_array_equal((twist.linear, twist.angular), [[1, 2, 3], [4, 5, 6]])
+    np.testing.assert_array_equal((wrench.force, wrench.torque), [[1, 2, 3], [4, 5, 6]])
+    for value, back, names in (
+        (interop.twist_to_pykdl(twist), twist, {"vel": "linear", "rot": "angular"}),
+        (interop.wrench_to_pykdl(wrench), wrench, {"force": "force", "torque": "torque"}),
+    ):
+        for theirs, ours in names.items():
+            np.testing.assert_array_equal([getattr(value, theirs)[i] for i in range(3)], getattr(back, ours))
+    with pytest.raises(ShapeError, match="one by one"):
+        interop.transform_to_pykdl_xyzw(Transform.random(jax.random.key(3), (2,)))
+
+
+def test_without_pykdl_its_name_is_said(monkeypatch):
+    monkeypatch.setitem(sys.modules, "PyKDL", None)
+    with pytest.raises(MissingExtraError, match="'PyKDL'"):
+        interop.twist_to_pykdl(Twist.zero())

@@ -112,6 +112,7 @@ def test_compiled_models_and_files_are_read_too(model, tmp_path):
     [
         ("<mujoco><worldbody><body><joint/></body></worldbody></mujoco>", "MuJoCo"),
         ("<mujoco>", "MuJoCo"),
+        ('<mujoco><worldbody><body pos="0 0 0" rotation="1 0 0"/></worldbody></mujoco>', "rotation"),
         ("no.xml", "no file"),
         (3, "int"),
     ],

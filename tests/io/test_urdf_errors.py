@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import jaxframes as jf
 from jaxframes import errors
@@ -94,6 +95,59 @@ BROKEN = {
         errors.EdgeError,
         ["'j'", "'k'", "quaternion"],
     ),
+    "quaternion beside angles": (
+        robot(LINKS + joint(more='<origin rpy="0 0 1" quat_xyzw="0 0 0 1"/>') + C),
+        errors.FormatError,
+        ["<origin>", "'rpy'", "'quat_xyzw'", "keep one"],
+    ),
+    "quaternion off unit": (
+        robot(LINKS + joint(more='<origin quat_xyzw="0 0 1 1"/>') + C),
+        errors.FormatError,
+        ["quat_xyzw='0 0 1 1'", "length 1.41421", "unit"],
+    ),
+    "attribute of an origin": (robot(LINKS + joint(more='<origin rotation="0 0 1"/>') + C), errors.FormatError, ["<origin>", "'rotation'"]),
+    "attribute of an axis": (
+        robot(LINKS + joint(kind="continuous", more='<axis xyz="0 0 1" rpy="0 0 1"/>') + C),
+        errors.FormatError,
+        ["<axis>", "'rpy'"],
+    ),
+    "attribute of a mimic": (
+        robot(LINKS + joint(kind="revolute", more=LIMIT + '<mimic joint="k" multiplyer="2"/>') + joint("k", "continuous", child="c")),
+        errors.FormatError,
+        ["<mimic>", "'multiplyer'", "Did you mean 'multiplier'"],
+    ),
+    "attribute of a joint": (robot(LINKS + joint().replace("<joint", '<joint axis="0 0 1"') + C), errors.FormatError, ["'j'", "'axis'"]),
+    "attribute of a parent": (
+        robot(LINKS + joint().replace('"a"/>', '"a" xyz="1 0 0"/>', 1) + C),
+        errors.FormatError,
+        ["<parent>", "'xyz'"],
+    ),
+    "element of an origin": (
+        robot(LINKS + joint(more="<origin><xyz>0 0 1</xyz></origin>") + C),
+        errors.FormatError,
+        ["<xyz>", "<origin> holds no elements"],
+    ),
+    "misspelled element": (robot(LINKS + joint(more='<orgin xyz="1 0 0"/>') + C), errors.FormatError, ["<orgin>", "<origin>"]),
+    "misspelled limit": (
+        robot(LINKS + REVOLUTE.replace("upper", "uper") + C),
+        errors.FormatError,
+        ["<limit>", "'uper'", "Did you mean 'upper'"],
+    ),
+    "infinite limit": (
+        robot(LINKS + REVOLUTE.replace('"-1"', '"-inf"') + C),
+        errors.FormatError,
+        ["lower='-inf'", "'continuous'", "1e300"],
+    ),
+    "infinite slide": (
+        robot(LINKS + joint(kind="prismatic", more=LIMIT.replace('"1"', '"Infinity"', 1)) + C),
+        errors.FormatError,
+        ["upper='Infinity'", "1e300"],
+    ),
+    "joint of others": (
+        robot(LINKS + joint().replace("joint", "drake:joint").replace("fixed", "ball") + C),
+        errors.TopologyError,
+        ["2 links", "<drake:joint name='j' type='ball'> of line 6", "is not read"],
+    ),
     "missing limit": (robot(LINKS + joint(kind="revolute") + C), errors.FormatError, ["'j'", "<limit", "continuous"]),
     "limits reversed": (robot(LINKS + REVOLUTE.replace('"-1"', '"2"') + C), errors.EdgeError, ["<limit>", "'j'", "reversed", "lower 2"]),
     "no parent": (robot(LINKS + joint().replace('<parent link="a"/>', "") + C), errors.FormatError, ["'j'", "<parent>", "add"]),
@@ -137,6 +191,38 @@ def test_broken_text_is_refused_with_place_and_remedy(case):
     assert isinstance(caught.value, jf.FrameError)
     for word in words:
         assert word in str(caught.value), str(caught.value)
+
+
+@pytest.mark.parametrize("case", ["limits reversed", "zero axis", "own parent", "mimic of a floating joint"])
+def test_messages_say_where_once(case, tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(BROKEN[case][0])
+    with pytest.raises(jf.FrameError) as caught:
+        jf.load_urdf(path)
+    assert str(caught.value).count("arm.urdf") == 1, str(caught.value)
+
+
+def test_quaternions_of_urdf_1_1_are_read(tol):
+    # the first is the issue's own; scipy reads the second's angles
+    half = joint(more='<origin xyz="1 0 0" quat_xyzw="0 0 0.7071067811865476 0.7071067811865476"/>')
+    rpy = Rotation.from_euler("xyz", [0.1, -0.7, 2.0])
+    other = joint("k", child="c", more=f'<origin quat_xyzw="{" ".join(f"{v:.4f}" for v in rpy.as_quat())}"/>')
+    tree = jf.load_urdf(robot(LINKS + half + other))
+    expected = [[0, -1, 0, 1], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+    np.testing.assert_allclose(tree.edge("b").transform.to_matrix(), expected, atol=tol)
+    np.testing.assert_allclose(tree.edge("c").transform.rotation.to_matrix(), rpy.as_matrix(), atol=2e-4)
+    np.testing.assert_allclose(np.linalg.norm(tree.edge("c").transform.rotation.wxyz), 1.0, atol=tol)
+    again = jf.load_urdf(jf.to_urdf(tree))
+    for name in ("b", "c"):
+        np.testing.assert_allclose(again.edge(name).transform.to_matrix(), tree.edge(name).transform.to_matrix(), atol=tol)
+
+
+def test_attributes_that_move_nothing_are_counted():
+    text = robot('<link name="a" group="1"/><link name="b"/>' + joint(kind="revolute", more=LIMIT[:-2] + ' current="3"/>')).replace(
+        '<robot name="r"', '<robot name="r" version="1.1" xmlns:xacro="somewhere" maker="us"'
+    )
+    text = text.replace("<joint", '<joint dont_collapse="true"')
+    assert jf.load_urdf(text).properties["a"]["ignored"] == {"robot/@maker": 1, "link/@group": 1, "joint/limit/@current": 1}
 
 
 @pytest.mark.parametrize("case", ["missing link", "truncated", "entity bomb", "binary", "empty", "xacro macro"])

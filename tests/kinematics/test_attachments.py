@@ -470,3 +470,27 @@ def test_moving_a_frame_looks_at_what_hangs_on_it_in_this_state(tol):
     index = tree.topology.index
     assert np.isnan(placed(index("shelf"))).all()
     np.testing.assert_allclose(placed(index("cup"))[0], [3.0, 2.0, 0.0], atol=10 * tol)
+
+
+def test_derivatives_by_a_whole_state(dtype):
+    b = jf.TreeBuilder(root="world")
+    b.add("arm", parent="world", edge=jf.edges.Revolute(axis=(0, 0, 1)))
+    b.add("box", parent="world", edge=jf.edges.Attachable(jf.Transform.from_translation((1.0, 0.0, 0.0))))
+    tree = b.build()
+    state = tree.attach(tree.state(q=np.array([0.3], dtype)), "box", "arm")
+    assert state.attachments.parents.dtype == np.int32
+    y = lambda s: tree.transform(s, of="box", relative_to="world").translation[1]
+    c, s = np.cos(0.3), np.sin(0.3)
+    for slope in (jax.grad(y), jax.jit(jax.grad(y)), jax.jacfwd(y)):
+        found = slope(state)
+        np.testing.assert_allclose(found.q, [c], rtol=1e-6)
+        np.testing.assert_allclose(found.attachments.motion.transform.translation, [[s, c, 0.0]], atol=1e-7)
+        np.testing.assert_array_equal(found.attachments.links, [0.0])
+    stepped = jax.tree.map(lambda leaf, slope: leaf - 0.1 * slope, state, jax.grad(y)(state))  # what an optimiser does
+    np.testing.assert_array_equal(stepped.attachments.parents, state.attachments.parents)
+    np.testing.assert_allclose(stepped.q, 0.3 - 0.1 * c, rtol=1e-6)
+    curved = jax.jit(jax.hessian(lambda q: y(state.replace(q=q))))(state.q)
+    np.testing.assert_allclose(curved, [[-s]], rtol=1e-5)
+    lost = state.replace(attachments=jf.Attachments(jnp.full(1, jnp.nan), state.attachments.motion))
+    np.testing.assert_array_equal(lost.attachments.parents, [-1])
+    assert np.isnan(y(lost))

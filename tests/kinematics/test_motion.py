@@ -139,3 +139,16 @@ def test_frames_behind_a_distant_root_keep_their_distance(dtype):
     value, gradient = jax.value_and_grad(distance)(jnp.asarray([4.0, 1.0], dtype))
     assert float(value) == 3.0
     np.testing.assert_array_equal(gradient, np.array([1.0, -1.0]))
+
+
+def test_frames_that_are_all_fixed_are_computed_too(tol):
+    b = jf.TreeBuilder(root="world")
+    place = jf.Transform(jf.Rotation.rot_z(np.pi / 2), np.array([1.0, 0.0, 0.0]))
+    b.add("a", parent="world", edge=jf.edges.Fixed(place))
+    b.add("b", parent="a", edge=jf.edges.Fixed(place))
+    tree = b.build()
+    motions = tree.world_motions(tree.state())
+    np.testing.assert_allclose(motions.transform.translation, [[0, 0, 0], [1, 0, 0], [1, 1, 0]], atol=tol)
+    np.testing.assert_array_equal(motions.acceleration.linear, np.zeros((3, 3)))
+    batched = tree.with_values({"a.transform.translation": np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])})
+    np.testing.assert_allclose(batched.world_transforms(tree.state()).translation[:, 2], [[1, 1, 0], [2, 1, 0]], atol=tol)

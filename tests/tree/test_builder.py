@@ -2,12 +2,16 @@
 
 import re
 
+import chex
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxframes as jf
 from jaxframes import errors
 from jaxframes.edges.mimic import ring_in
+from tests.compilations import compilations
 
 
 def base():
@@ -202,3 +206,41 @@ def test_long_lines_of_followers_are_checked_in_one_pass():
         assert line.asked <= 2 * n
     assert ring_in({"a": "b", "b": "c", "c": "b", "d": "a"}) == ("b", "c", "b")
     assert ring_in({"a": "a"}) == ("a", "a")
+
+
+def test_properties_set_later_compile_nothing_and_are_for_the_host():
+    b = jf.TreeBuilder(root="world")
+    b.add("arm", parent="world", edge=jf.edges.Revolute(), properties={"mass": 1.0})
+    b.add("tool", parent="arm", edge=jf.edges.Fixed(), properties={"maker": "us"})
+    tree = b.build()
+    other = tree.with_properties({"arm": {"mass": 2.0, "tags": ("a", "b")}, "tool": {}})
+    assert dict(other.properties["arm"]) == {"mass": 2.0, "tags": ("a", "b")}
+    assert dict(other.properties["tool"]) == {}
+    assert dict(tree.properties["arm"]) == {"mass": 1.0}
+    chex.clear_trace_counter()
+    seen = []
+
+    @jax.jit
+    @chex.assert_max_traces(n=1)
+    def moved(tree, q):
+        seen.append(tree.properties["arm"]["mass"])
+        return tree.with_values({"tool.transform.translation": q * jnp.ones(3)})
+
+    for one in (other, tree):  # the program that one is compiled for serves the other, so neither's own properties may be in it
+        assert dict(moved(one, jnp.ones(1)).properties["arm"]) == {"mass": 1.0}
+    assert seen == [1.0]
+    assert other.topology == tree.topology
+    ask = lambda tree: tree.transform(tree.state(), of="tool", relative_to="world")
+    ask(tree)
+    assert compilations(ask, other) == 0
+    kept = [jax.tree.map(lambda x: x + 0, other), other.astype(np.float32), jf.TreeBuilder.from_tree(other).build()]
+    kept.append(jf.from_json(jf.to_json(other)))
+    for same in kept:
+        assert same.properties["arm"]["mass"] == 2.0
+    assert other.extract("arm").properties["arm"]["mass"] == 2.0
+    with pytest.raises(errors.UnknownFrameError, match="'amr'"):
+        tree.with_properties({"amr": {}})
+    with pytest.raises(errors.EdgeError, match="static"):
+        tree.with_properties({"arm": {"mass": object()}})
+    with pytest.raises(jf.FrameError, match="outside of jit"):
+        jax.jit(lambda tree: tree.with_properties({"arm": {}}))(tree)

@@ -105,3 +105,27 @@ def test_a_path_up_and_down_is_explained_once():
         b.add(name, parent="world", edge=jf.edges.Revolute(axis=(0, 0, 1)))
     said = b.build().explain(of="a", relative_to="b").splitlines()[0]
     assert said.endswith("composed one after another")
+
+
+@pytest.mark.parametrize(
+    ("ask", "words"),
+    [
+        (
+            lambda t, s: t.transform(s, "gaze", "left"),
+            r"transform\(state, of=\.\.\., relative_to=\.\.\.\) was given 'gaze', 'left' without a name",
+        ),
+        (lambda t, s: t.velocity(s, "gaze", "left"), r"velocity\(.* name what follows: of=, relative_to="),
+        (lambda t, s: t.acceleration(s, "gaze", "left"), r"acceleration\(.* name what follows: of=, relative_to="),
+        (lambda t, s: t.jacobian(s, "gaze", "left"), r"jacobian\(.* name what follows: of=, relative_to="),
+        (lambda t, s: t.chain("gaze", "left"), r"chain\(of=.* was given 'gaze', 'left'"),
+        (lambda t, s: t.path("gaze", "left"), r"path\(of=.* was given 'gaze', 'left'"),
+        (lambda t, s: t.relative_transforms(s, "left"), "name what follows: relative_to="),
+        (lambda t, s: t.express(s, np.ones(3), "gaze", "left"), r"express\(state, vector, of="),
+        (lambda t, s: t.state([0.1, 0.2]), "was given a list without a name; name what follows: q=, qd=, qdd=, time="),
+        (lambda t, s: t.attached_to(s, "box"), r"attached_to\(state\) was given 'box' .* it takes nothing more"),
+        (lambda t, s: t.attach(s, "box", "left", "world"), r"attach\(state, frame, to, keep=.* was given 'world'"),
+    ],
+)
+def test_arguments_without_a_name_are_told_which_there_are(ask, words):
+    with pytest.raises(TypeError, match=words):
+        ask(TREE, TREE.state())

@@ -136,3 +136,75 @@ def test_setting_a_follower_names_the_joint_to_set():
     assert tree.frame_of("drive") == "a"
     assert tree.joint_of("c") == "c"
     assert tree.joint_of("palm") is None
+
+
+FOLLOWERS = {
+    "whole": [("whole", E.Continuous(), 2.0), ("whole", E.Revolute(), -1.0), ("whole", E.Prismatic(), 0.0)],
+    "half": [("half", E.Continuous(), -0.5)],
+    "slide": [("slide", E.Prismatic(), 1.0)],
+    "screw": [("screw", E.Screw(pitch=0.1), 1.0)],
+    "chain": [("chain", E.Revolute(), 3.0), ("chain 0", E.Continuous(), 1.0 / 3.0)],
+    "broken": [("broken", E.Revolute(), 0.5), ("broken 0", E.Continuous(), 2.0)],
+}
+WRAPS = {"whole", "chain"}
+"""Joints whose followers are all back after a whole turn: multipliers 2, -1 and 3, and 3 times a third."""
+
+
+def wheels():
+    b = jf.TreeBuilder()
+    for joint, followers in FOLLOWERS.items():
+        b.add(joint, parent="world", edge=E.Continuous(placement=PLACE))
+        for i, (source, edge, factor) in enumerate(followers):
+            b.add(f"{joint} {i}", parent=joint, edge=E.Mimic(source, edge, multiplier=factor, offset=0.3))
+    return b.build()
+
+
+def test_a_difference_leads_every_frame_to_its_place(dtype):
+    tree = wheels()
+    q0, q1 = (4 * tree.random(jax.random.key(i), (6,)) for i in (1, 2))
+    step = jax.jit(tree.difference)(q0, q1)
+    with jax.disable_jit():
+        here, there = (tree.world_transforms(tree.state(q=q)).to_matrix() for q in (tree.integrate(q0, step), q1))
+    np.testing.assert_allclose(here, there, atol=1e-12 if dtype == np.float64 else 2e-5)
+    for i, joint in enumerate(tree.joint_names):
+        if joint in WRAPS:
+            assert np.abs(step[:, i]).max() <= np.pi + 1e-6
+        else:
+            np.testing.assert_array_equal(step[:, i], (q1 - q0)[:, i])
+    assert np.abs(q1 - q0).max(0).min() > np.pi  # each of them could have taken a shorter way
+    one = jax.vmap(tree.difference)(q0, q1)
+    np.testing.assert_allclose(one, step, atol=1e-14 if dtype == np.float64 else 1e-5)
+
+
+def test_the_issue_of_half_a_turn_and_multipliers_that_are_traced_or_batched(dtype):
+    tree = wheels()
+    at = tree.joint_names.index("half")
+    q0, q1 = (tree.set_q(tree.state(), {"half": angle}).q for angle in (0.0, 1.5 * np.pi))
+    ask = jax.jit(lambda factor: tree.with_values({"half 0.multiplier": factor}).difference(q0, q1)[..., at])
+    factors = np.array([[-0.5], [1.0], [0.25]], dtype)
+    np.testing.assert_allclose(ask(factors), [1.5 * np.pi, -0.5 * np.pi, 1.5 * np.pi], rtol=1e-6)
+    np.testing.assert_allclose(jax.vmap(ask)(factors), ask(factors), rtol=1e-6)
+    gradient = jax.grad(lambda q: tree.difference(q0, q)[at])(q1)
+    np.testing.assert_array_equal(gradient, np.eye(tree.nq)[at])
+
+
+def test_an_edge_in_place_of_another_names_the_same_joints_and_candidates():
+    b = jf.TreeBuilder()
+    b.add("a", parent="world", edge=E.Universal())
+    b.add("b", parent="world", edge=E.Mimic("a", E.Revolute()))
+    b.add("c", parent="world", edge=E.Attachable(candidates=("world", "a")))
+    tree = b.build()
+    for make, words in (
+        (lambda: tree.with_edge("b", E.Mimic("other", E.Revolute())), "frame 'b': joint of its edge would be 'other' instead of 'a'"),
+        (
+            lambda: tree.with_edge("c", E.Attachable(candidates=("world",))),
+            r"frame 'c': candidates .*\('world',\) instead of \('world', 'a'\)",
+        ),
+        (lambda: tree.with_edge("c", E.Attachable()), "frame 'c': candidates of its edge would be None"),
+        (lambda: tree.with_values({"b.joint": "c"}), "joint of its edge would be 'c'.*TreeBuilder"),
+        (lambda: tree.with_values({"c.candidates": None}), "candidates of its edge would be None"),
+        (lambda: tree.with_edge("b", E.Mimic("a", E.Revolute(), coordinate=1)), "coordinate"),
+    ):
+        with pytest.raises(errors.EdgeError, match=words):
+            make()
+    assert tree.with_edge("b", E.Mimic("a", E.Revolute(), multiplier=3.0)).edge("b").multiplier[0] == 3

@@ -74,6 +74,20 @@ def test_subchain_orientation_against_brute_force(seed):
         assert chain.subchain_orientation(sub) is expected
 
 
+def test_lookup_takes_patterns():
+    b = jf.TreeBuilder(root="world")
+    for name in ("arm/base", "arm/tool", "leg/tool", "arm[1]", "*"):
+        b.add(name, parent="world", edge=jf.edges.Fixed())
+    tree = b.build()
+    assert tree.lookup("arm/*") == ("arm/base", "arm/tool")
+    assert tree.lookup("*/tool") == ("arm/tool", "leg/tool")
+    assert tree.lookup("[al]??/base") == ("arm/base",)
+    assert tree.lookup("arm[1]") == ("arm[1]",)  # a name before a pattern
+    assert tree.lookup("*") == ("*",)
+    with pytest.raises(errors.UnknownFrameError, match=r"'Arm/\*'"):
+        tree.lookup("Arm/*")
+
+
 def test_lookup_suggests_close_names():
     tree = jf.FrameTree((), random_topology(np.random.default_rng(0), 5))
     assert tree.lookup("f3") == ("f3",)

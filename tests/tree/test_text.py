@@ -28,7 +28,7 @@ def test_print_shows_the_tree():
 def test_options_add_and_remove_facts(tol):
     tree = scene()
     state = tree.state(q={"arm": 9.0})
-    text = tree.format(DumpOptions(type=True, edge_type=False, health=True, id=True, depth=True), state=state).splitlines()
+    text = tree.format(DumpOptions(type_string=True, edge_type=False, health=True, index=True, depth=True), state=state).splitlines()
     assert text[0] == "0: world  [depth 0; ok]"
     assert text[1].startswith("├── 1: arm  [Revolute; depth 1; q = 9 is outside its limits [-1, 2]; at (0, 0, 1) m")
     assert text[3].startswith("│       └── 3: camera  [Fixed; depth 3; ok; at (0, 0, 0) m, wxyz (1.0000, 0.0000")

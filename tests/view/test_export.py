@@ -159,3 +159,15 @@ def test_frames_on_a_cycle_are_shown_below_the_root():
     assert dot.count("->") == 2
     assert "n0 -> n1" in dot
     assert "cycle" in jf.to_html(tree, state=state)
+
+
+def test_frames_without_a_label_may_be_called_by_their_number():
+    tree = scene()
+    labels = jf.numbered_labels(tree, {"hand": "gripper", 3: "cargo"})
+    hand = tree.names.index("hand")
+    assert labels == {i: {hand: "gripper", 3: "cargo"}.get(i, str(i)) for i in range(len(tree.names))}
+    for text in (jf.to_dot(tree, label_map=labels), jf.to_mermaid(tree, label_map=labels)):
+        assert "gripper" in text
+        assert "world" not in text
+    with pytest.raises(jf.FrameError, match="Did you mean 'hand'"):
+        jf.numbered_labels(tree, {"hnad": "x"})
