@@ -16,6 +16,7 @@ from jaxframes.edges.compound_joints import Spherical as Spherical
 from jaxframes.edges.compound_joints import Universal as Universal
 from jaxframes.edges.family import family as family
 from jaxframes.edges.fixed import Fixed as Fixed
+from jaxframes.edges.function import Function as Function
 from jaxframes.edges.joint import Virtual as Virtual
 from jaxframes.edges.mimic import Dependent as Dependent
 from jaxframes.edges.mimic import Mimic as Mimic

@@ -106,6 +106,13 @@ class Edge:
         return 7 if self.is_prescribed or self.is_attachable else self.nq
 
     @property
+    def batch_shape(self) -> tuple[int, ...]:
+        """Batch axes of the edge's own numbers, broadcast: all axes but the last; none for a family that does not stack, unless it says."""
+        if not self.stackable:
+            return ()
+        return np.broadcast_shapes(*{np.shape(leaf)[:-1] for leaf in jax.tree.leaves(self)})
+
+    @property
     def follows(self) -> str | None:
         """Name of the joint whose coordinates the edge takes instead of its own, if it does."""
         return None

@@ -91,13 +91,16 @@ class _Reader:
             edge = self._on_host(jax.tree.unflatten(topology.groups[group], self.tree.numbers(members)).normalized())
         else:
             edge = (self.tree.together(group) if len(members) > 1 else first.bare()).normalized()
-        return self._motion_of(edge, members), first.supports_accelerations
+        alone = not topology.stacked[group] and len(members) == 1
+        return self._motion_of(edge, members, alone), first.supports_accelerations
 
     def _on_host(self, edge: Edge) -> Edge:
-        """Return an edge of many with its numbers [*batch, n_edges, k] as NumPy arrays of float64."""
-        return jax.tree.map(lambda leaf: self._ranked(np.asarray(leaf, np.float64), 2).view(OnHost), edge)
+        """Return an edge of many with its numbers [*batch, n_edges, k] as NumPy arrays, floats in float64."""
+        wide = lambda leaf: np.asarray(leaf, np.float64 if jnp.issubdtype(leaf.dtype, jnp.floating) else None)  # noqa: E731
+        return jax.tree.map(lambda leaf: self._ranked(wide(leaf), 2).view(OnHost), edge)
 
-    def _motion_of(self, edge: Edge, members: Sequence[int]) -> Rigid:
+    def _motion_of(self, edge: Edge, members: Sequence[int], alone: bool = False) -> Rigid:
+        """Return the motions of a family's edges; ``alone``: the edge is the only one, and its numbers have no axis over edges."""
         order = 2 if self.tree.edge_of(members[0]).supports_accelerations else 1
         row = self.tree.topology.prescribed[members[0]]
         held = None
@@ -105,6 +108,11 @@ class _Reader:
             held = _motion(self.state.prescribed, [self.tree.topology.prescribed[frame] for frame in members], self.rank)
         q, qd, qdd = self._coordinates(members, edge)
         inputs = Inputs(q, qd, qdd, self._time(len(members)), held, self.rank + 1)
+        if alone and inputs.time is not None:
+            q, qd, qdd = (tuple(component[..., 0] for component in row) for row in (q, qd, qdd))
+            inputs = Inputs(q, qd, qdd, (jnp.asarray(inputs.time[0])[..., 0], jnp.asarray(inputs.time[1])[..., 0]), None, self.rank)
+            motion = append_all(AT_REST, with_halves(map(_on_numpy, edge.steps(inputs, order)), numpy_sin_cos), order)
+            return jax.tree.map(lambda x: x if isinstance(x, float) else np.asarray(x)[..., None], motion)
         return append_all(AT_REST, with_halves(map(_on_numpy, edge.steps(inputs, order)), numpy_sin_cos), order)
 
     def _time(self, count: int) -> tuple[jax.Array, jax.Array] | None:
