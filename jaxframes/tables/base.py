@@ -47,9 +47,9 @@ class Table(TableEdge):
         """Return a copy with numbers of another dtype; times, kept in two parts, lose no more than they must."""
         plain = super().astype(dtype)
         return plain.replace(
-            reference=_recast_pairs(self.reference, dtype),
-            span=_recast_pairs(self.span, dtype),
-            record_tables=tuple(_recast_records(old, new, dtype) for old, new in zip(self.record_tables, plain.record_tables, strict=True)),
+            reference=recast_pairs(self.reference, dtype),
+            span=recast_pairs(self.span, dtype),
+            record_tables=tuple(recast_records(old, new, dtype) for old, new in zip(self.record_tables, plain.record_tables, strict=True)),
         )
 
     @property
@@ -105,6 +105,8 @@ class TablePool(Edge):
         infos: What each table says of itself.
     """
 
+    stackable: ClassVar[bool] = False
+    needs_time: ClassVar[bool] = True
     table: Table
     infos: tuple[Info, ...]
 
@@ -143,20 +145,20 @@ def _pooled(tables: Sequence[Table]) -> TablePool:
     return TablePool(first.replace(**parts), tuple(table.info for table in tables))
 
 
-def _recast_pairs(values: Any, dtype: Any) -> Any:
+def recast_pairs(values: Any, dtype: Any) -> Any:
     """Return numbers [..., 2 n], two parts each, in another dtype."""
     numpy = np if isinstance(values, np.ndarray) else jnp
     hi, lo = recast_pair(values[..., 0::2], values[..., 1::2], dtype)
     return numpy.stack([hi, lo], -1).reshape(values.shape)
 
 
-def _recast_records(old: RecordTable, plain: RecordTable, dtype: Any) -> RecordTable:
+def recast_records(old: RecordTable, plain: RecordTable, dtype: Any) -> RecordTable:
     """Return a record table whose times and lowest coefficients are converted as pairs; ``plain`` holds everything else converted."""
     numpy: Any = np if isinstance(old.rows, np.ndarray) else jnp
-    middle = _recast_pairs(old.rows[..., -3:-1], dtype)
+    middle = recast_pairs(old.rows[..., -3:-1], dtype)
     rows = numpy.concatenate([plain.rows[..., :-3], middle, plain.rows[..., -1:]], -1)
-    grid = numpy.concatenate([_recast_pairs(old.grid[..., :2], dtype), plain.grid[..., 2:]], -1)
-    ends = None if old.ends is None else _recast_pairs(old.ends, dtype)
+    grid = numpy.concatenate([recast_pairs(old.grid[..., :2], dtype), plain.grid[..., 2:]], -1)
+    ends = None if old.ends is None else recast_pairs(old.ends, dtype)
     low = plain.low
     if low is not None and low.dtype != old.rows.dtype:  # a wider number holds both parts; the empty low part keeps the tree's structure
         whole = plain.rows[..., two_part_columns(rows.shape[-1], old.series)] + low
