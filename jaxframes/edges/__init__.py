@@ -18,8 +18,11 @@ from jaxframes.edges.family import family as family
 from jaxframes.edges.fixed import Fixed as Fixed
 from jaxframes.edges.function import Function as Function
 from jaxframes.edges.joint import Virtual as Virtual
+from jaxframes.edges.kepler import Kepler as Kepler
 from jaxframes.edges.mimic import Dependent as Dependent
 from jaxframes.edges.mimic import Mimic as Mimic
+from jaxframes.edges.precession import Precession as Precession
+from jaxframes.edges.precession import UniformRotation as UniformRotation
 from jaxframes.edges.prescribed import Movable as Movable
 from jaxframes.edges.prescribed import Prescribed as Prescribed
 from jaxframes.edges.quaternion_joints import Ball as Ball
