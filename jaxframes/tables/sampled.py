@@ -18,7 +18,7 @@ from jaxframes.spatial import Rotation
 from jaxframes.staging.arrays import default_float, unit
 from jaxframes.tables.base import recast_pairs, recast_records
 from jaxframes.tables.evaluate import OUTSIDE
-from jaxframes.tables.instants import pairs, split
+from jaxframes.tables.instants import pairs, past_reference, split
 from jaxframes.tables.pool import concatenated, concatenated_arrays, stacked_arrays
 from jaxframes.tables.records import RecordTable
 from jaxframes.tables.sample_batches import over_batch
@@ -175,9 +175,8 @@ class Sampled(Edge):
 
     def _instants(self) -> host_two_part.Pair:
         """Return the times of the samples in two float64 parts, seconds past J2000 TDB."""
-        times, reference = np.asarray(self.grid.times, np.float64), np.asarray(self.reference, np.float64)
-        start = tuple(np.full(len(times), part) for part in reference)
-        return host_two_part.add((times[:, 0], times[:, 1]), (start[0], start[1]))
+        times = np.asarray(self.grid.times, np.float64)
+        return past_reference(self.reference, times[:, 0], times[:, 1])
 
     @property
     def batch_shape(self) -> tuple[int, ...]:
@@ -188,6 +187,9 @@ class Sampled(Edge):
         found = {name: getattr(self, name) for name in WIDTHS}
         found["attitudes"] = None if self.attitudes is None else self.attitudes.wxyz
         return {name: array for name, array in found.items() if array is not None}
+
+    def at(self, row: int) -> Self:
+        return self._with_samples({name: array[row] if np.ndim(array) > 2 else array for name, array in self._samples().items()})
 
     def checkable(self) -> Self:
         rows = np.nan_to_num(np.asarray(self.grid.index.rows))
@@ -263,7 +265,7 @@ class Sampled(Edge):
             lambda own, inputs: self._with_samples(own).records().steps(inputs, order), self._samples(), self.batch_shape, inputs
         )
 
-    def _with_samples(self, samples: Mapping[str, jax.Array]) -> "Sampled":
+    def _with_samples(self, samples: Mapping[str, jax.Array]) -> Self:
         """Return the trajectory with other samples, [n, k] each by the names of the fields."""
         return self.replace(**{name: Rotation(array) if name == "attitudes" else array for name, array in samples.items()})
 

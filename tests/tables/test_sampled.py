@@ -329,6 +329,8 @@ def test_files_keep_every_number():
     assert again.topology == tree.topology
     for a, b in zip(jax.tree.leaves(again), jax.tree.leaves(tree), strict=True):
         np.testing.assert_array_equal(a, b)
+    with pytest.raises(EdgeError, match="write the tree with the Sampled edge"):
+        jf.to_json(tree_of(broken.records()))
     with pytest.raises(MissingInputError, match="sampled"):
         tree.motion(tree.state(), of="c0", relative_to="world")
 
