@@ -17,6 +17,32 @@ from jaxframes.staging.arrays import as_float, unit
 from jaxframes.staging.columns import parameters
 
 
+class Read(NamedTuple):
+    """A motion of the tree that an edge needs beside a state's own numbers.
+
+    Attributes:
+        of: Name of the frame that moves.
+        relative_to: Name of the frame that observes it; None for the parent that the edge hangs on.
+        further: Whether one derivative more is needed than is asked of the edge.
+    """
+
+    of: str
+    relative_to: str | None
+    further: bool = False
+
+
+class Seen(NamedTuple):
+    """A motion that an edge reads, as components.
+
+    Attributes:
+        motion: Pose, velocity and acceleration, as far as the order asks (one further where the edge said so).
+        jerk: Derivative of the linear acceleration, where that was asked for beyond it; else None.
+    """
+
+    motion: Rigid
+    jerk: V3 | None = None
+
+
 class Inputs(NamedTuple):
     """What an edge may read of a state, all as components.
 
@@ -27,6 +53,7 @@ class Inputs(NamedTuple):
         time: The epoch as (hi, lo) seconds past J2000 TDB, or None where the state has none.
         prescribed: The motion that the state holds for this edge, if its family is prescribed.
         batch_rank: Rank of the batch, to which batched parameters are aligned.
+        motions: What the edge's ``reads`` name, in that order, each a ``Seen``.
     """
 
     q: tuple[Component, ...] = ()
@@ -35,6 +62,7 @@ class Inputs(NamedTuple):
     time: tuple[Component, Component] | None = None
     prescribed: Rigid | None = None
     batch_rank: int = 0
+    motions: tuple[Seen, ...] = ()
 
     def components(self, parameter: jax.Array) -> tuple[Component, ...]:
         """Return the k components of a parameter [..., k], aligned to the batch; plain numbers where they are known while tracing."""
@@ -96,6 +124,16 @@ class Edge:
         return True
 
     @property
+    def reads(self) -> tuple[Read, ...]:
+        """Motions of other frames that the edge needs, handed over as ``inputs.motions``; none for most."""
+        return ()
+
+    @property
+    def has_further_derivatives(self) -> bool:
+        """Whether derivatives of the edge's acceleration by time are exact: a state says no more of joints and prescribed motions."""
+        return not (self.nq or self.is_prescribed or self.is_attachable or self.follows is not None)
+
+    @property
     def dof(self) -> int:
         """Mobility: in how many independent directions the child can move against its parent."""
         return 6 if self.is_prescribed or self.is_attachable else self.nv
@@ -104,6 +142,17 @@ class Edge:
     def state_size(self) -> int:
         """How many numbers of a state say where the child is: coordinates, or the seven of a pose."""
         return 7 if self.is_prescribed or self.is_attachable else self.nq
+
+    @property
+    def batch_shape(self) -> tuple[int, ...]:
+        """Batch axes of the edge's own numbers, broadcast: all axes but the last; none for a family that does not stack, unless it says."""
+        if not self.stackable:
+            return ()
+        return np.broadcast_shapes(*{np.shape(leaf)[:-1] for leaf in jax.tree.leaves(self)})
+
+    def at(self, row: int) -> Self:
+        """Return the edge at one place of the leading batch axis of its numbers; those without batch axes are the same for all."""
+        return jax.tree.map(lambda leaf: leaf[row] if np.ndim(leaf) > 1 else leaf, self)
 
     @property
     def follows(self) -> str | None:

@@ -1,6 +1,6 @@
 """Context: a tree and a state as edges read them, of one dtype and one batch shape."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxframes.edges.base import Edge, Inputs
+from jaxframes.edges.base import Edge, Inputs, Seen
 from jaxframes.edges.mimic import Mimic
 from jaxframes.errors import MissingInputError, NoAccelerationError, ShapeError
 from jaxframes.kinematics.arrays import motion_of
@@ -28,9 +28,16 @@ JOINT_FIELDS: tuple[str, ...] = ("q", "qd", "qdd")
 
 
 class Context:
-    """What a computation over a tree reads: the tree, the state's arrays, the batch shape and the dtype."""
+    """What a computation over a tree reads: the tree, the state's arrays, the batch shape and the dtype.
 
-    def __init__(self, tree: Structure, state: State, order: int):
+    Args:
+        tree: The tree.
+        state: Values at one instant or a batch of them.
+        order: 0 for poses, 1 with velocities, 2 with accelerations.
+        motions_read: Returns the motions that the edge above a frame reads (``kinematics.derived`` has it).
+    """
+
+    def __init__(self, tree: Structure, state: State, order: int, motions_read: Callable[["Context", int], tuple[Seen, ...]]):
         if not isinstance(state, State):
             raise ShapeError(f"a query takes a state, made by tree.state(...), and found {type(state).__name__}")
         self.tree, self.topology, self.order = tree, tree.topology, order
@@ -39,7 +46,9 @@ class Context:
         self._check_joints(state)
         self.shape = self._batch_shape(state)
         self.state = state
+        self._motions_read = motions_read
         self._given: dict[int, Any] = {}
+        self._worked_out: dict[Any, Any] = {}
         self._edges: dict[int, Edge] = {}
 
     @property
@@ -78,7 +87,8 @@ class Context:
         return tuple(self._edge_steps(frame, operands, windows) for frame in frames)
 
     def _edge_steps(self, frame: int, operands: Operands, windows: Mapping[str, tuple[int, jax.Array]]) -> AnySteps:
-        if self.tree.edge_of(frame).needs_time:
+        edge = self.tree.edge_of(frame)
+        if edge.needs_time or edge.reads:
             steps, twists = self._precomputed_steps(frame)
             return PrecomputedSteps(operands.components(steps), operands.components(twists))
         driver, followers = frame, []
@@ -190,7 +200,7 @@ class Context:
         return leaves[: 2 + 2 * self.order]
 
     def _precomputed_steps(self, frame: int) -> tuple[tuple[Step, ...], Any]:
-        """Return the steps and unit twists of an edge that reads the time; they are worked out once, however often they are asked for."""
+        """Return the steps and unit twists of an edge that reads the time or other frames; they are worked out once."""
         if frame not in self._given:
             edge, operands = self.tree.edge_of(frame), Operands()
             first_q, nq, first_v, nv = self.topology.coordinates[frame]
@@ -199,9 +209,15 @@ class Context:
                 for kind in JOINT_FIELDS[: 1 + self.order]
             )
             own = EdgeSteps(operands.parts(self._read(frame)), kept, (nq, nv)).inputs(operands.arrays, self.reading)
-            edge, inputs = self.reading.edge(edge.normalized()), own._replace(time=self.time)
+            edge, inputs = self.reading.edge(edge.normalized()), own._replace(time=self.time, motions=self._motions_read(self, frame))
             self._given[frame] = edge.steps(inputs, self.order), unit_twists(edge, inputs) if nv else []
         return self._given[frame]
+
+    def worked_out(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """Return what a function makes, which is kept under a key: made once for this computation."""
+        if key not in self._worked_out:
+            self._worked_out[key] = make()
+        return self._worked_out[key]
 
     def family_steps(self, group: int) -> TracedInput:
         """Return the steps of all edges of a family that reads the time and does not stack, each component [*batch, n_edges]."""

@@ -17,6 +17,7 @@ from jaxframes.kinematics import levels
 from jaxframes.kinematics.arrays import halves
 from jaxframes.kinematics.batches import SIZES, BatchOperation
 from jaxframes.kinematics.context import Context
+from jaxframes.kinematics.derived import context_of
 from jaxframes.kinematics.tree_arguments import stacked_tree
 from jaxframes.staging.operation import Arrays, run, with_changes
 from jaxframes.staging.sharding import is_large, may_block
@@ -77,7 +78,7 @@ class _ByLevel(BatchOperation):
         """Return the results for the whole batch at once."""
         count = self.tree.num_leaves
         tree, state = jax.tree.unflatten(self.tree, arrays[:count]), jax.tree.unflatten(self.state, arrays[count:])
-        packed = levels.all_frames(Context(tree, state, self.order), self.observer)
+        packed = levels.all_frames(context_of(tree, state, self.order), self.observer)
         return tuple(half for whole in packed for half in halves(whole))
 
     def compute_on_cpu(self, *arrays: jax.Array) -> Arrays:

@@ -16,7 +16,7 @@ from jax import lax
 from jaxframes.errors import MissingInputError
 from jaxframes.kinematics.apparent import SPEED_OF_LIGHT, ApparentState, Looking
 from jaxframes.kinematics.attachments import between
-from jaxframes.kinematics.context import Context
+from jaxframes.kinematics.derived import context_of
 from jaxframes.kinematics.state_rate import rate
 from jaxframes.model.state import State
 from jaxframes.model.structure import Structure
@@ -34,7 +34,7 @@ STEPS = 3
 def apparent(tree: Structure, state: State, looking: Looking) -> ApparentState:
     """Return what an observer sees, as ``FrameTree.apparent`` says."""
     _time(state)
-    context = Context(tree, state, 0)
+    context = context_of(tree, state, 0)
     state, dtype = state.broadcast_to(context.shape), context.dtype  # of the tree's batch too: the light time has it
     time = _time(state)
     observer = _at_root(tree, state, looking.relative_to, min(looking.order + int(looking.aberration), 2))
@@ -47,7 +47,7 @@ def apparent(tree: Structure, state: State, looking: Looking) -> ApparentState:
         coverage = _coverages(looking, tree, state, tau)
     target = _at_root(tree, _later(state, looking.sign * tau), looking.of, looking.order)
     jerk = _jerk(looking, tree, state) if looking.aberration and looking.order == 2 and looking.light_time != "LT" else None
-    axes = between(Context(tree, state, 0), 0, looking.expressed_in) if looking.expressed_in else ()
+    axes = between(context_of(tree, state, 0), 0, looking.expressed_in) if looking.expressed_in else ()
 
     def work() -> tuple[list[jax.Array], jax.Array | None, jax.Array | None]:
         line, rates = _line_of_sight(looking, unpacked(observer), unpacked(target))
@@ -69,7 +69,7 @@ def apparent(tree: Structure, state: State, looking: Looking) -> ApparentState:
 
 def _at_root(tree: Structure, state: State, frame: int, order: int) -> Packed:
     """Return the motion of a frame relative to the root."""
-    return between(Context(tree, state, order), frame, 0)
+    return between(context_of(tree, state, order), frame, 0)
 
 
 def _time(state: State) -> Epoch:

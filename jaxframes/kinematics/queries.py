@@ -1,24 +1,28 @@
 """Queries: from trees, states and names of frames to values. What ``FrameTree``'s methods call; each is compiled once a topology."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxframes.errors import ShapeError
 from jaxframes.kinematics import attachments, attachments_by_level, level_blocks, levels, light_time, reattachment, unrolled
 from jaxframes.kinematics.apparent import ApparentState, Looking
 from jaxframes.kinematics.arrays import named, of_halves
 from jaxframes.kinematics.context import Context
+from jaxframes.kinematics.derived import angle_between, context_of
 from jaxframes.kinematics.jacobian import jacobian as by_geometry
 from jaxframes.kinematics.path import outward
 from jaxframes.kinematics.state_rate import broadcast, rate
 from jaxframes.kinematics.tree_arguments import Plan, as_arguments
+from jaxframes.model.group import Group
 from jaxframes.model.state import State
 from jaxframes.model.structure import Structure
 from jaxframes.numerics.packed import Packed, unpacked
-from jaxframes.numerics.rigid import express
+from jaxframes.numerics.rigid import Rigid, express
 from jaxframes.spatial import Motion, Transform
 from jaxframes.staging.internals import is_compiling
 from jaxframes.staging.sharding import stack_arrays
@@ -28,10 +32,10 @@ Value = TypeVar("Value")
 
 
 def _between(tree: Structure, state: State, of: int, relative_to: int, expressed_in: int, order: int) -> Motion:
-    context = Context(tree, state, order)
+    context = context_of(tree, state, order)
     motion = _pair(context, of, relative_to)
     if order and expressed_in != relative_to:
-        motion = velocities_in_axes(context, _pair(Context(tree, state, 0), relative_to, expressed_in), motion)
+        motion = velocities_in_axes(context, _pair(context_of(tree, state, 0), relative_to, expressed_in), motion)
     return named(motion)
 
 
@@ -49,7 +53,7 @@ def velocities_in_axes(context: Context, axes: Packed, motion: Packed) -> Packed
 
 
 def _all_frames(tree: Structure, state: State, relative_to: int, order: int) -> Motion:
-    context = Context(tree, state, order)
+    context = context_of(tree, state, order)
     if levels.applies(context):
         if tree.topology.attachables:
             return named(attachments_by_level.all_frames(context, relative_to))
@@ -60,8 +64,36 @@ def _all_frames(tree: Structure, state: State, relative_to: int, order: int) -> 
     return named(_values_stacked([found[frame] for frame in range(len(tree.names))], -2))
 
 
+def _group(tree: Structure, state: State, of: tuple[int, ...], relative_to: int, expressed_in: int, order: int) -> Motion:
+    """Return the motions of several frames as one sees them, stacked on a leading axis."""
+    context = context_of(tree, state, order)
+    motions = _rows_of_group(context, of, relative_to)
+    if order and expressed_in != relative_to:
+        axes = _pair(context_of(tree, state, 0), relative_to, expressed_in)
+        turned = stage(lambda axes, motion: replace(context.kind, shape=(*context.shape, len(of))).packed(_expressed(axes, motion)))
+        motions = turned(tuple(array[..., None, :] for array in axes), motions)
+    return jax.tree.map(lambda leaf: jnp.moveaxis(leaf, -2, 0), named(motions))
+
+
+def _expressed(axes: Packed, motion: Packed) -> Rigid:
+    return express(unpacked(axes).rotation, unpacked(motion))
+
+
+def _rows_of_group(context: Context, of: tuple[int, ...], relative_to: int) -> Packed:
+    """Return the motions of several frames as one sees them, arrays [*batch, n, k]; by level in a large tree."""
+    topology = context.topology
+    if levels.applies(context):
+        whole = attachments_by_level.all_frames if topology.attachables else levels.all_frames
+        return levels.rows_of(whole(context, relative_to), np.array(of))
+    home = topology.static_components
+    near = frozenset(frame for frame in of if home[frame] == home[relative_to])
+    found = outward(context, relative_to, near) if near else {}
+    found |= attachments.between_many(context, [frame for frame in of if frame not in near], relative_to)
+    return _values_stacked([found[frame] for frame in of], -2)
+
+
 def _pairs(tree: Structure, state: State, of: tuple[int, ...], relative_to: tuple[int, ...]) -> Transform:
-    context, rows = Context(tree, state, 0), []
+    context, rows = context_of(tree, state, 0), []
     home = tree.topology.static_components
     for observer in relative_to:
         near = frozenset(frame for frame in of if home[frame] == home[observer])
@@ -76,15 +108,17 @@ def _values_stacked(values: Sequence[Value], axis: int) -> Value:
 
 
 def _jacobian(tree: Structure, state: State, of: int, relative_to: int, expressed_in: int) -> jax.Array:
-    if tree.topology.static_components[of] != tree.topology.static_components[relative_to]:
+    topology = tree.topology
+    crosses_links = topology.static_components[of] != topology.static_components[relative_to]
+    if crosses_links or any(topology.reads[frame] for way in topology.route(of, relative_to) for frame in way):
         return _jacobian_by_rates(tree, state, of, relative_to, expressed_in)
-    context = Context(tree, state, 0)
+    context = context_of(tree, state, 0)
     axes = None if expressed_in == relative_to else attachments.between(context, relative_to, expressed_in)
     return by_geometry(context, of, relative_to, axes)
 
 
 def _jacobian_by_rates(tree: Structure, state: State, of: int, relative_to: int, expressed_in: int) -> jax.Array:
-    """Return the Jacobian where the path is data: velocities are linear in the rates, so each column is a derivative."""
+    """Return the Jacobian where the path is data, or edges on it read other frames: each column is a derivative by a rate."""
     whole = broadcast(state)
 
     def velocity(qd: jax.Array) -> jax.Array:
@@ -132,27 +166,37 @@ def _compiled(function: Callable[..., Any], *static: str) -> Callable[..., Any]:
 
 _between_compiled = _compiled(_between, "of", "relative_to", "expressed_in", "order")
 _all_frames_compiled = _compiled(_all_frames, "relative_to", "order")
+_group_compiled = _compiled(_group, "of", "relative_to", "expressed_in", "order")
 _pairs_compiled = _compiled(_pairs, "of", "relative_to")
 _jacobian_compiled = _compiled(_jacobian, "of", "relative_to", "expressed_in")
 _jacobians_compiled = _compiled(_jacobians, "of", "relative_to", "expressed_in")
 _jacobian_dot_compiled = _compiled(_jacobian_dot, "of", "relative_to", "expressed_in")
 _apparent_compiled = _compiled(light_time.apparent, "looking")
+_angle_compiled = _compiled(angle_between, "frame")
 _attach_compiled = _compiled(reattachment.attach, "frame", "keep")
 _valid_compiled = _compiled(reattachment.attachments_valid)
 
 
-def between(tree: Structure, state: State, of: str, relative_to: str, expressed_in: str | None = None, order: int = 2) -> Motion:
-    """Return the motion of one frame relative to another; what lies beyond the order is None.
+def between(tree: Structure, state: State, of: str | Group, relative_to: str, expressed_in: str | None = None, order: int = 2) -> Motion:
+    """Return the motion of one frame relative to another, or of a group on a leading axis; what lies beyond the order is None.
 
     Args:
         tree: The tree.
         state: Values at one instant or a batch of them.
-        of: Frame asked about.
+        of: Frame asked about, or a group.
         relative_to: Frame of the observer.
         expressed_in: Frame whose axes resolve velocity and acceleration. Default: ``relative_to``.
         order: 0 for the pose, 1 with the velocity, 2 with the acceleration.
     """
+    if isinstance(of, Group):
+        return of_group(tree, state, of, relative_to, expressed_in, order)
     return _between_compiled(tree, state, order=order, **_indices(tree, of, relative_to, expressed_in))
+
+
+def of_group(tree: Structure, state: State, of: Group, relative_to: str, expressed_in: str | None = None, order: int = 2) -> Motion:
+    """Return the motions of a group's frames relative to one, on a leading axis; arguments as for ``between``."""
+    places = _indices(tree, relative_to, relative_to, expressed_in)
+    return _group_compiled(tree, state, order=order, **{**places, "of": of.indices(tree.topology)})
 
 
 def all_frames(tree: Structure, state: State, relative_to: str, order: int) -> Motion:
@@ -184,6 +228,11 @@ def jacobians(tree: Structure, state: State, of: Sequence[str], relative_to: str
 def jacobian_dot(tree: Structure, state: State, of: str, relative_to: str, expressed_in: str | None = None) -> jax.Array:
     """Return the time derivative [..., 6, nv] of the Jacobian along the state's motion."""
     return _jacobian_dot_compiled(tree, state, **_indices(tree, of, relative_to, expressed_in))
+
+
+def angle_between_vectors(tree: Structure, state: State, frame: int) -> jax.Array:
+    """Return the angle [...] in rad between the two vectors that define a frame; NaN where one of them is zero."""
+    return _angle_compiled(tree, state, frame=frame)
 
 
 def apparent(tree: Structure, state: State, looking: Looking) -> ApparentState:

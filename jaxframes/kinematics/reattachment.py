@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from jaxframes.kinematics.arrays import named
 from jaxframes.kinematics.attachments import is_one_of, nan_unless, static_components_of
-from jaxframes.kinematics.context import Context
+from jaxframes.kinematics.derived import context_of
 from jaxframes.model.state import Attachments, State
 from jaxframes.model.structure import Structure
 from jaxframes.numerics.components import renormalized
@@ -33,7 +33,7 @@ def attach(tree: Structure, state: State, to: jax.Array, *, frame: int, keep: st
     if keep == "relative":
         return replace(state, attachments=Attachments(_put(held.parents, row, to, 0), held.motion))
     order = 0 if keep == "world" else 2 if all(tree.edge_of(members[0]).supports_accelerations for members in tree.topology.members) else 1
-    context = Context(tree, state, order)
+    context = context_of(tree, state, order)
     candidates = tree.topology.candidates[row]
     static_components = static_components_of(context, (frame, *candidates))
     rank, shape = len(context.shape), jnp.broadcast_shapes(context.shape, to.shape)
@@ -62,7 +62,7 @@ def _put(values: jax.Array, row: int, new: jax.Array, trailing: int) -> jax.Arra
 
 def attachments_valid(tree: Structure, state: State) -> jax.Array:
     """Return where every attachable frame hangs, link by link, on the root: no cycle, no parent outside its candidates."""
-    context = Context(tree, state, 0)
+    context = context_of(tree, state, 0)
     good = jnp.ones(context.shape, bool)
     for valid in static_components_of(context, tree.topology.attachables).placed().valid.values():
         good = good & jnp.broadcast_to(valid, context.shape)

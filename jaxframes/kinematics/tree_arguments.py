@@ -73,8 +73,9 @@ class StackedTree(Structure):
         return self.held("batch_shape", self._batch_shape)
 
     def _batch_shape(self) -> tuple[int, ...]:
-        stacked = zip(self.stacks, self.topology.stacked, strict=True)
-        return np.broadcast_shapes(*{_batch_of(leaf) for leaves, on in stacked if on for leaf in leaves})
+        families = list(zip(self.stacks, self.topology.stacked, strict=True))
+        others = {edge.batch_shape for edge, on in families if not on}
+        return np.broadcast_shapes(*{_batch_of(leaf) for leaves, on in families if on for leaf in leaves}, *others)
 
     @property
     def dtype(self) -> Any:

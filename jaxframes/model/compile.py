@@ -12,6 +12,7 @@ from jaxframes.edges.mimic import sources
 from jaxframes.errors import DuplicateNameError, TopologyError, UnknownFrameError, suggest
 from jaxframes.model.families import families, strengthened
 from jaxframes.model.properties import Properties
+from jaxframes.model.reading import Hanging, reading
 from jaxframes.model.structure import Structure
 from jaxframes.model.topology import Topology
 
@@ -76,9 +77,10 @@ def compile_frames(declared: Declared) -> tuple[tuple[Edge, ...], Topology]:
     """Return the edges of a tree, whose numbers are its parameters, and its topology.
 
     Raises:
-        UnknownFrameError: A candidate of an attachable frame does not exist.
+        UnknownFrameError: A candidate of an attachable frame, or a frame that an edge reads, does not exist.
         UnknownJointError: A joint that is followed does not exist.
-        TopologyError: Joints follow each other in a ring, or an attachable frame could never hang on one of its candidates.
+        TopologyError: Joints follow each other in a ring, frames need each other, or an attachable frame could never hang on one of its
+            candidates.
         EdgeError: A joint that is followed has no such coordinate.
     """
     names, held_edges = tuple(declared.parents), declared.edges
@@ -110,8 +112,15 @@ def compile_frames(declared: Declared) -> tuple[tuple[Edge, ...], Topology]:
         properties=tuple((name, declared.properties[name]) for name in names if name in declared.properties),
         edge_names=tuple(declared.edge_names.get(name) for name in names),
         sources=sources(held_edges, declared.edge_names, index),
+        reads=reading(_hanging(declared, names, attachables, candidates), held_edges, index),
     )
     return tuple(edges), topology
+
+
+def _hanging(declared: Declared, names: tuple[str, ...], attachables: tuple[int, ...], candidates: tuple[tuple[int, ...], ...]) -> Hanging:
+    """Return what hangs on what, or may, by name."""
+    allowed = {names[frame]: tuple(names[c] for c in own) for frame, own in zip(attachables, candidates, strict=True)}
+    return Hanging(declared.parents, allowed)
 
 
 def _coordinates(names: Iterable[str], edges: Mapping[str, Edge], joints: list[str]) -> tuple[tuple[int, int, int, int], ...]:

@@ -99,7 +99,8 @@ class Parameters(Structure):
 
     def _batch_shape(self) -> tuple[int, ...]:
         leaves = jax.tree.leaves([edge for edge in self.distinct_edges if edge.stackable])
-        return np.broadcast_shapes(*{np.shape(leaf)[:-1] for leaf in leaves})
+        others = {edge.batch_shape for edge in self.distinct_edges if not edge.stackable}
+        return np.broadcast_shapes(*{np.shape(leaf)[:-1] for leaf in leaves}, *others)
 
     def with_edge(self, name: str, edge: Edge) -> Self:
         """Return a tree with the numbers of one edge replaced by those of an edge of the same family; nothing retraces.
@@ -252,10 +253,12 @@ def _field(value: Any, field: str, name: str) -> Any:
     """Return a field of an edge or value, or an entry of a tuple; ``name`` is what the user asked for."""
     if isinstance(value, tuple) and field.isdecimal() and int(field) < len(value):
         return value[int(field)]
-    known = [str(i) for i in range(len(value))] if isinstance(value, tuple) else []
+    if isinstance(value, Mapping) and field in value:
+        return value[field]
+    known = [str(i) for i in range(len(value))] if isinstance(value, tuple) else list(map(str, value)) if isinstance(value, Mapping) else []
     if dataclasses.is_dataclass(value):
         known = [f.name for f in dataclasses.fields(value)]
-    if field not in known or isinstance(value, tuple):
+    if field not in known or isinstance(value, (tuple, Mapping)):
         raise FrameError(f"{name!r}: there is no field {field!r} in {value!r}.{suggest(field, [f for f in known if f != 'kind'])}")
     return getattr(value, field)
 
@@ -267,8 +270,13 @@ def _replaced(value: Any, fields: tuple[str, ...], new: Any, name: str) -> Any:
     first, *rest = fields
     inner = _replaced(_field(value, first, name), tuple(rest), new, name)
     if isinstance(value, tuple):
-        return tuple(inner if i == int(first) else item for i, item in enumerate(value))
-    if isinstance(value, Edge) and first not in value.parameter_fields():
+        items = [inner if i == int(first) else item for i, item in enumerate(value)]
+        return jax.tree.unflatten(jax.tree.structure(value, is_leaf=lambda x: x is not value), items)  # a named tuple stays one
+    if isinstance(value, Mapping):
+        return {**value, first: inner}
+    if not isinstance(value, Edge):
+        return replace(value, **{first: inner})
+    if first not in value.parameter_fields():
         inner = value.checked_fact(first, inner)
     return value.replace(**{first: inner})
 

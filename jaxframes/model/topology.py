@@ -26,6 +26,7 @@ class Topology:
         stacked: Whether the numbers of each family's edges may be stacked.
         locations: (family, row) of each frame's edge; (-1, -1) for the root.
         coordinates: (first q, nq, first qd, nv) of each frame's edge.
+        reads: For each frame the motions that its edge needs: (frame, observer, whether one derivative more is needed).
         edge_names: Name of each frame's edge (a joint's name), or None; a name space of its own.
         sources: For each frame, the frame whose edge has the coordinates that its own edge follows, or -1.
         joint_names: Name of the joint of each edge that has coordinates, in the order of its coordinates.
@@ -52,11 +53,12 @@ class Topology:
     edge_names: tuple[str | None, ...] = ()
     sources: tuple[int, ...] = ()
     notes: tuple[tuple[str, Any], ...] = ()
+    reads: tuple[tuple[tuple[int, int, bool], ...], ...] = ()
 
     @functools.cached_property
     def _digest(self) -> bytes:
         parts = (self.names, self.parents, self.stacked, self.locations, self.coordinates, self.joint_names, self.prescribed)
-        more = (self.attachables, self.candidates, self.properties, self.edge_names, self.sources, self.joint_frames)
+        more = (self.attachables, self.candidates, self.properties, self.edge_names, self.sources, self.joint_frames, self.reads)
         return hashlib.blake2b(repr((parts, more)).encode()).digest()
 
     @functools.cached_property

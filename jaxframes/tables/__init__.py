@@ -11,4 +11,6 @@ from jaxframes.tables.iau_model import IauOrientation as IauOrientation
 from jaxframes.tables.info import Info as Info
 from jaxframes.tables.info import Source as Source
 from jaxframes.tables.orientation import OrientationTable as OrientationTable
+from jaxframes.tables.sample_records import SampledRecords as SampledRecords
+from jaxframes.tables.sampled import Sampled as Sampled
 from jaxframes.tables.translation import TranslationTable as TranslationTable

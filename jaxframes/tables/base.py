@@ -11,12 +11,14 @@ import numpy as np
 from jaxframes.edges.base import Edge, Inputs
 from jaxframes.edges.family import family
 from jaxframes.errors import EdgeError, MissingInputError
+from jaxframes.numerics import host_two_part
 from jaxframes.numerics.components import V3, Component
 from jaxframes.numerics.steps import Step
 from jaxframes.numerics.two_part import recast_pair
 from jaxframes.tables import evaluate
 from jaxframes.tables.evaluate import Run
 from jaxframes.tables.info import Info
+from jaxframes.tables.instants import past_reference, split
 from jaxframes.tables.pool import concatenated, concatenated_arrays, counts_of, single, stacked_arrays
 from jaxframes.tables.records import RecordTable, two_part_columns
 from jaxframes.tables.report import report
@@ -47,9 +49,9 @@ class Table(TableEdge):
         """Return a copy with numbers of another dtype; times, kept in two parts, lose no more than they must."""
         plain = super().astype(dtype)
         return plain.replace(
-            reference=_recast_pairs(self.reference, dtype),
-            span=_recast_pairs(self.span, dtype),
-            record_tables=tuple(_recast_records(old, new, dtype) for old, new in zip(self.record_tables, plain.record_tables, strict=True)),
+            reference=recast_pairs(self.reference, dtype),
+            span=recast_pairs(self.span, dtype),
+            record_tables=tuple(recast_records(old, new, dtype) for old, new in zip(self.record_tables, plain.record_tables, strict=True)),
         )
 
     @property
@@ -80,6 +82,32 @@ class Table(TableEdge):
         """The arrays that an evaluation reads."""
         return Run(self.record_tables, self.reference, self.span)
 
+    @property
+    def knots(self) -> Epoch:
+        """Where the table's polynomials meet, and its two ends, ``Epoch`` [n] in order: where higher derivatives may jump (on the host).
+
+        For solvers of differential equations, which should step onto them: ``diffrax``'s ``jump_ts`` or ``step_ts``, say.
+        """
+        span = np.asarray(self.span, np.float64)
+        high, low = [span[[0, 2]]], [span[[1, 3]]]
+        for records in self.record_tables:
+            if records.ends is not None:
+                ends = np.asarray(records.ends, np.float64)[:-1]
+                high.append(ends[:, 0])
+                low.append(ends[:, 1])
+            else:
+                grid, steps = np.asarray(records.grid, np.float64), np.arange(1.0, records.rows.shape[0])
+                product = host_two_part.two_product(steps, np.full_like(steps, grid[2]))
+                whole = host_two_part.add(product, (np.full_like(steps, grid[0]), np.full_like(steps, grid[1])))
+                high.append(whole[0])
+                low.append(whole[1])
+        found = host_two_part.two_sum(np.concatenate(high), np.concatenate(low))
+        inside = (found[0] >= span[0] + span[1]) & (found[0] <= span[2] + span[3])
+        order = np.lexsort((found[1][inside], found[0][inside]))
+        parts = np.unique(np.stack(found, 1)[inside][order], axis=0)
+        hi, lo = split(*past_reference(self.reference, parts[:, 0], parts[:, 1]), np.dtype(self.reference.dtype))
+        return Epoch(jnp.asarray(hi), jnp.asarray(lo))
+
     def coverage_code(self, time: Any) -> jax.Array:
         """Return -1 where an ``Epoch`` (or ET seconds) lies before the coverage, 0 inside, +1 after: int32 [...]; -1 for NaN."""
         return evaluate.coverage_code(self.run, *two_parts(time))
@@ -105,6 +133,8 @@ class TablePool(Edge):
         infos: What each table says of itself.
     """
 
+    stackable: ClassVar[bool] = False
+    needs_time: ClassVar[bool] = True
     table: Table
     infos: tuple[Info, ...]
 
@@ -143,20 +173,20 @@ def _pooled(tables: Sequence[Table]) -> TablePool:
     return TablePool(first.replace(**parts), tuple(table.info for table in tables))
 
 
-def _recast_pairs(values: Any, dtype: Any) -> Any:
+def recast_pairs(values: Any, dtype: Any) -> Any:
     """Return numbers [..., 2 n], two parts each, in another dtype."""
     numpy = np if isinstance(values, np.ndarray) else jnp
     hi, lo = recast_pair(values[..., 0::2], values[..., 1::2], dtype)
     return numpy.stack([hi, lo], -1).reshape(values.shape)
 
 
-def _recast_records(old: RecordTable, plain: RecordTable, dtype: Any) -> RecordTable:
+def recast_records(old: RecordTable, plain: RecordTable, dtype: Any) -> RecordTable:
     """Return a record table whose times and lowest coefficients are converted as pairs; ``plain`` holds everything else converted."""
     numpy: Any = np if isinstance(old.rows, np.ndarray) else jnp
-    middle = _recast_pairs(old.rows[..., -3:-1], dtype)
+    middle = recast_pairs(old.rows[..., -3:-1], dtype)
     rows = numpy.concatenate([plain.rows[..., :-3], middle, plain.rows[..., -1:]], -1)
-    grid = numpy.concatenate([_recast_pairs(old.grid[..., :2], dtype), plain.grid[..., 2:]], -1)
-    ends = None if old.ends is None else _recast_pairs(old.ends, dtype)
+    grid = numpy.concatenate([recast_pairs(old.grid[..., :2], dtype), plain.grid[..., 2:]], -1)
+    ends = None if old.ends is None else recast_pairs(old.ends, dtype)
     low = plain.low
     if low is not None and low.dtype != old.rows.dtype:  # a wider number holds both parts; the empty low part keeps the tree's structure
         whole = plain.rows[..., two_part_columns(rows.shape[-1], old.series)] + low

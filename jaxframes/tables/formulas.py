@@ -53,17 +53,17 @@ def chebyshev(terms: Sequence[Any], s: Any, order: int) -> tuple[Any, ...]:
 
 
 def record(coefficients: Sequence[Sequence[Any]], s: Any, radius: Any, order: int) -> list[Any]:
-    """Return three components of the value of a Chebyshev record, then three of each derivative by time.
+    """Return three or four components of the value of a Chebyshev record, then as many of each derivative by time.
 
     Args:
-        coefficients: Terms of the three components; or of six, those of the rates last, which then are series of their own.
+        coefficients: Terms of the three or four components; or of six, those of the rates last, which then are series of their own.
         s: Argument in [-1, 1], [...].
         radius: Half the length of the record, s.
         order: Highest derivative.
     """
     out: list[list[Any]] = [[] for _ in range(order + 1)]
-    for axis in range(3):
-        if len(coefficients) == 3:
+    for axis in range(3 if len(coefficients) == 6 else len(coefficients)):
+        if len(coefficients) < 6:
             parts = _by_time(chebyshev(coefficients[axis], s, order), radius)
         else:
             parts = [chebyshev(coefficients[axis], s, 0)[0]]

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import FrameError, SpiceError
+from jaxframes.numerics import host_two_part
 from jaxframes.staging.arrays import default_float
 from jaxframes.time.calendar import tdb_text
 from jaxframes.time.scales import SHIPPED_LEAP_SECONDS
@@ -93,3 +94,9 @@ def pairs(*values: Fraction) -> jax.Array:
     dtype = np.dtype(default_float())
     parts = [split(*two_parts(value), dtype) for value in values]
     return jnp.asarray(np.array(parts, dtype).reshape(-1))
+
+
+def past_reference(reference: Any, high: np.ndarray, low: np.ndarray) -> host_two_part.Pair:
+    """Return instants as two float64 parts, seconds past J2000 TDB, from times past a reference that is itself in two parts [2]."""
+    start = np.asarray(reference, np.float64)
+    return host_two_part.add((high, low), (np.full_like(high, start[0]), np.full_like(high, start[1])))

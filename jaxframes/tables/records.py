@@ -32,7 +32,7 @@ class RecordTable:
         first: ``[cells]``: the record that serves where a cell starts (whole numbers, kept as floats so that a tree of tables can be
             differentiated); None where cells are records.
         ends: ``[n, 2]``: end of each record in two parts; None where cells are records.
-        series: 3 for one series an axis, 6 where velocities have series of their own (SPK type 3).
+        series: 3 for one series an axis, 6 where velocities have series of their own (SPK type 3), 4 for quaternions.
         compares: Most records that begin within one cell.
         counts: Records and cells of each table where many stand one after the other in these arrays (``grid`` is [n_tables, 3] then, and
             ``first`` counts from each table's own first record); None for one table.
@@ -69,6 +69,11 @@ class RecordTable:
         return (self.rows.shape[-1] - 3) // self.series
 
     @property
+    def width(self) -> int:
+        """Components of the value: four where the series are those of a quaternion, else three."""
+        return 4 if self.series == 4 else 3
+
+    @property
     def bytes(self) -> int:
         """Size of the arrays."""
         return sum(a.nbytes for a in (self.rows, self.grid, self.first, self.ends, self.low) if a is not None)
@@ -91,8 +96,8 @@ class RecordTable:
     def serving(self, dt_hi: jax.Array, dt_lo: jax.Array) -> jax.Array:
         """Return the index (int32 [...]) of the record that serves an instant; the first or last one outside.
 
-        Uniform records are found by one division; others by the table of the cell and ``compares`` comparisons. The last instant
-        belongs to the last record.
+        Uniform records are found by one division; others by the table of the cell and halvings, as many as ``compares`` has binary
+        digits. The last instant belongs to the last record.
         """
         origin_hi, origin_lo, width = (self.grid[i] for i in range(3))
         first_row, rows, first_cell, cells = self._bounds
@@ -103,12 +108,13 @@ class RecordTable:
         cell = _bounded(_bounded(position, last.astype(position.dtype)).astype(jnp.int32), last) + first_cell
         if self.first is None or self.ends is None:
             return cell
-        index = rows_at(self.first[:, None], cell)[..., 0].astype(jnp.int32) + first_row
-        for _ in range(self.compares):
-            end = rows_at(self.ends, index)
-            index = index + (((dt_hi - end[..., 0]) + (dt_lo - end[..., 1])) >= 0).astype(jnp.int32)
-            index = _bounded(index - first_row, rows - 1) + first_row
-        return index
+        index = rows_at(self.first[:, None], cell)[..., 0].astype(jnp.int32)
+        for bit in reversed(range(self.compares.bit_length())):  # halvings: of the ends within the cell, how many lie before
+            ahead = index + np.int32((1 << bit) - 1)
+            end = rows_at(self.ends, _bounded(ahead, rows - 1) + first_row)
+            past = (((dt_hi - end[..., 0]) + (dt_lo - end[..., 1])) >= 0) & (ahead < rows)
+            index = _bounded(index + past.astype(jnp.int32) * np.int32(1 << bit), rows - 1)
+        return index + first_row
 
     @property
     def _bounds(self) -> tuple[Any, Any, Any, Any]:

@@ -7,6 +7,7 @@ import jax
 import numpy as np
 
 from jaxframes.edges.base import Edge
+from jaxframes.kinematics import queries
 from jaxframes.model.attachment_graph import hangs_on
 from jaxframes.model.state import State
 from jaxframes.tables.placing import misplaced
@@ -24,6 +25,7 @@ def check(tree: States, state: State) -> tuple[str, ...]:
         *_prescribed(tree, state),
         *_attachments(tree, state),
         *_times(tree, state),
+        *_axes(tree, state),
     )
 
 
@@ -121,6 +123,18 @@ def _attachments(tree: States, state: State) -> Iterator[str]:
             yield f"frame {name!r}: it hangs on frame number {target}, which is not among its candidates{_where(strange)}"
         elif (loop := hangs_on(topology, parents, hung_on, frame)).any():
             yield f"frame {name!r}: it hangs on itself, a cycle through {tree.names[int(hung_on[loop].reshape(-1)[0])]!r}{_where(loop)}"
+
+
+def _axes(tree: States, state: State) -> Iterator[str]:
+    if any(edge.needs_time for edge in tree.edges.values()) and state.time is None:
+        return  # said already
+    for name, defined in tree.axes_defined(state).items():
+        bad = ~np.asarray(defined)
+        if not bad.any():
+            continue
+        angle = np.asarray(queries.angle_between_vectors(tree, state, tree.topology.index(name)))[bad].reshape(-1)[0]
+        what = "one of its two vectors is zero or no number" if np.isnan(angle) else f"its two vectors are {angle:.3g} rad apart: parallel"
+        yield f"frame {name!r}: {what}, so its axes are not defined ({tree.edge(name).describe()}){_where(bad)}"
 
 
 def _times(tree: States, state: State) -> Iterator[str]:

@@ -9,6 +9,7 @@ from jaxframes.errors import says_keywords
 from jaxframes.kinematics import queries
 from jaxframes.kinematics.apparent import ApparentState, checked
 from jaxframes.kinematics.plan import over_all_frames
+from jaxframes.model.group import Group, group_of
 from jaxframes.model.state import State
 from jaxframes.spatial import Motion, SpatialAcceleration, SpatialVelocity, Transform, Twist, Wrench
 from jaxframes.tree import edit
@@ -31,14 +32,28 @@ class FrameTree(States):
     the lowest common ancestor, never through the root. Outside the coverage of a table the value and its gradient are NaN.
     """
 
+    def group(self, *patterns: str | Sequence[str]) -> Group:
+        """Return several frames to ask about at once: ``tree.motion(state, of=tree.group("sat/*"), relative_to="earth")``.
+
+        A group is a sequence of names: ``group[3:10]`` is a group, ``group[3]`` a name. Results of queries have a leading axis over it.
+
+        Args:
+            patterns: Names, patterns with ``*``, ``?`` and ``[...]``, or sequences of names; in the order given, those of a pattern in
+                the order of declaration, each frame once.
+
+        Raises:
+            UnknownFrameError: A pattern fits no frame.
+        """
+        return group_of(self.topology, *patterns)
+
     # --- queries ------------------------------------------------------------------------------------------------------------
 
-    def transform(self, state: State, *, of: str, relative_to: str) -> Transform:
+    def transform(self, state: State, *, of: str | Group, relative_to: str) -> Transform:
         """Return the pose of one frame in another, ``relative_to_T_of``: it maps coordinates of ``of`` to ``relative_to``.
 
         Args:
             state: Values at one instant or a batch of them.
-            of: Frame asked about.
+            of: Frame asked about, or a group of frames: the result then has a leading axis over them.
             relative_to: Frame of the observer.
 
         Returns:
@@ -53,7 +68,7 @@ class FrameTree(States):
         """
         return queries.between(self, state, of, relative_to, None, 0).transform
 
-    def velocity(self, state: State, *, of: str, relative_to: str, expressed_in: str | None = None) -> SpatialVelocity:
+    def velocity(self, state: State, *, of: str | Group, relative_to: str, expressed_in: str | None = None) -> SpatialVelocity:
         """Return the velocity of one frame relative to another.
 
         ``angular`` is the angular velocity of ``of`` relative to ``relative_to``; ``linear`` is the rate of change of the
@@ -61,7 +76,7 @@ class FrameTree(States):
 
         Args:
             state: Values at one instant or a batch of them.
-            of: Frame asked about.
+            of: Frame asked about, or a group of frames: the result then has a leading axis over them.
             relative_to: Frame of the observer.
             expressed_in: Frame whose axes resolve the result. Default: ``relative_to``.
 
@@ -74,7 +89,7 @@ class FrameTree(States):
         """
         return queries.between(self, state, of, relative_to, expressed_in, 1).velocity
 
-    def acceleration(self, state: State, *, of: str, relative_to: str, expressed_in: str | None = None) -> SpatialAcceleration:
+    def acceleration(self, state: State, *, of: str | Group, relative_to: str, expressed_in: str | None = None) -> SpatialAcceleration:
         """Return the acceleration of one frame relative to another: the classical second derivative, not Featherstone's.
 
         ``angular`` and ``linear`` are the derivatives of the coordinates of ``velocity`` in the axes of ``relative_to``;
@@ -83,7 +98,7 @@ class FrameTree(States):
 
         Args:
             state: Values at one instant or a batch of them.
-            of: Frame asked about.
+            of: Frame asked about, or a group of frames: the result then has a leading axis over them.
             relative_to: Frame of the observer.
             expressed_in: Frame whose axes resolve the result. Default: ``relative_to``.
 
@@ -97,7 +112,7 @@ class FrameTree(States):
         """
         return queries.between(self, state, of, relative_to, expressed_in, 2).acceleration
 
-    def motion(self, state: State, *, of: str, relative_to: str) -> Motion:
+    def motion(self, state: State, *, of: str | Group, relative_to: str) -> Motion:
         """Return pose, velocity and acceleration of one frame relative to another, in the axes of ``relative_to``.
 
         Raises:

@@ -8,12 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.edges.mimic import Mimic
+from jaxframes.edges.two_vector import TwoVector
 from jaxframes.errors import EdgeError, FrameError, MissingInputError, ShapeError, TopologyError, says_keywords
 from jaxframes.kinematics import queries
 from jaxframes.model import joint_values
 from jaxframes.model.attachment_graph import check_target, hangs_on
 from jaxframes.model.joint_space import JointSpace, same_batch
 from jaxframes.model.state import State
+from jaxframes.numerics.two_vector import LEAST_SINE
 from jaxframes.spatial import Motion, SpatialAcceleration, SpatialVelocity, Transform
 from jaxframes.staging.arrays import is_concrete
 from jaxframes.tree.fit import JointFit, fit_joint
@@ -169,6 +171,18 @@ class States(JointSpace):
         if timed and state.time is None:
             raise MissingInputError(f"frame {next(iter(timed))!r} hangs on a table, and the state has no time; pass time= to tree.state")
         return {name: edge.coverage_code(state.time) for name, edge in timed.items()}
+
+    def axes_defined(self, state: State) -> Mapping[str, jax.Array]:
+        """Return where the two vectors of each ``TwoVector`` frame define its axes, by frame name: bool [...].
+
+        False where they are parallel to rounding, or one is zero or not a number: everything about the frame is NaN there.
+        """
+        found = {}
+        for name, edge in self.edges.items():
+            if isinstance(edge, TwoVector):
+                angle = queries.angle_between_vectors(self, state, self.topology.index(name))
+                found[name] = jnp.sin(angle) > LEAST_SINE * float(np.finfo(angle.dtype).eps)
+        return found
 
     def attach(self, state: State, frame: str, to: Any, *, keep: str = "relative") -> State:
         """Return a state in which an attachable frame hangs on another frame; nothing retraces when the parent changes.

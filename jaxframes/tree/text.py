@@ -116,6 +116,7 @@ def explain(tree: States, of: str, relative_to: str, state: State | None) -> str
             + [f"q of {edge.follows}"] * bool(edge.follows)
             + ["time"] * edge.needs_time
             + ["prescribed motion"] * edge.is_prescribed
+            + [f"motions of {', '.join(dict.fromkeys(read.of for read in edge.reads))}"] * bool(edge.reads)
         )
         above = tree.parent_name(name, state)
         arrow = f"{above} -> {name}" if direction > 0 else f"{name} -> {above}"

@@ -14,13 +14,15 @@ import numpy as np
 
 from jaxframes.edges.base import Edge, Inputs
 from jaxframes.edges.mimic import Mimic
+from jaxframes.errors import MissingInputError, NoAccelerationError
+from jaxframes.kinematics import queries
 from jaxframes.model.state import State
 from jaxframes.numerics.components import V3, Quat
 from jaxframes.numerics.path_motion import with_halves
 from jaxframes.numerics.rigid import AT_REST, Rigid
 from jaxframes.numerics.steps import Step, append_all
 from jaxframes.numerics.trig import numpy_sin_cos
-from jaxframes.spatial import Motion
+from jaxframes.spatial import Motion, SpatialAcceleration
 from jaxframes.staging.columns import OnHost
 from jaxframes.tree import FrameTree
 
@@ -29,6 +31,8 @@ WIDTH = 19
 FIELDS = {"rotation": 4, "translation": 3, "angular": 3, "linear": 3, "angular2": 3, "linear2": 3}
 NO_ACCELERATION = WIDTH - 6
 Row = tuple[Any, ...]
+NOTHING = Rigid(Quat(*[np.nan] * 4), *(V3(*[np.nan] * 3) for _ in range(5)))
+"""The motion of what has none."""
 
 
 def local_motions(tree: FrameTree, state: State) -> np.ndarray:
@@ -51,7 +55,10 @@ def local_motions(tree: FrameTree, state: State) -> np.ndarray:
     reader = _Reader(tree, state, len(shape))
     with np.errstate(all="ignore"):  # what is not finite is said by tree.check
         for group, members in enumerate(tree.topology.members):
-            if members[0] not in tree.topology.attachables:
+            if tree.topology.reads[members[0]]:
+                for frame in members:
+                    _write(found, [frame], *_of_derived(tree, state, frame))
+            elif members[0] not in tree.topology.attachables:
                 _write(found, members, *reader.family(group, members))
     if state.attachments is not None and tree.topology.attachables:
         _write(found, tree.topology.attachables, _motion(state.attachments.motion, slice(None), len(shape)), True)
@@ -67,6 +74,22 @@ def _write(found: np.ndarray, frames: Sequence[int], motion: Rigid, accelerates:
         first += count
     if not accelerates:
         found[..., list(frames), NO_ACCELERATION:] = np.nan
+
+
+def _of_derived(tree: FrameTree, state: State, frame: int) -> tuple[Rigid, bool]:
+    """Return the motion of a frame that reads others relative to its parent, and whether it has an acceleration: by a query."""
+    names = tree.names[frame], tree.names[tree.topology.parents[frame]]
+    try:
+        motion, accelerates = queries.between(tree, state, *names), True
+    except NoAccelerationError:
+        motion, accelerates = queries.between(tree, state, *names, order=1), False
+        motion = motion.replace(
+            acceleration=jax.tree.map(jnp.zeros_like, SpatialAcceleration(motion.velocity.angular, motion.velocity.linear))
+        )
+    except MissingInputError:
+        return NOTHING, False
+    rows = jax.tree.map(lambda leaf: leaf[..., None, :], motion)
+    return _motion(rows, slice(None), len(np.shape(motion.transform.translation)) - 1), accelerates
 
 
 class _Reader:
@@ -85,19 +108,21 @@ class _Reader:
         topology = self.tree.topology
         first = self.tree.edge_of(members[0])
         if first.needs_time and self.state.time is None:
-            nothing = Rigid(Quat(*[np.nan] * 4), *(V3(*[np.nan] * 3) for _ in range(5)))
-            return nothing, False
+            return NOTHING, False
         if topology.stacked[group]:
             edge = self._on_host(jax.tree.unflatten(topology.groups[group], self.tree.numbers(members)).normalized())
         else:
             edge = (self.tree.together(group) if len(members) > 1 else first.bare()).normalized()
-        return self._motion_of(edge, members), first.supports_accelerations
+        alone = not topology.stacked[group] and len(members) == 1
+        return self._motion_of(edge, members, alone), first.supports_accelerations
 
     def _on_host(self, edge: Edge) -> Edge:
-        """Return an edge of many with its numbers [*batch, n_edges, k] as NumPy arrays of float64."""
-        return jax.tree.map(lambda leaf: self._ranked(np.asarray(leaf, np.float64), 2).view(OnHost), edge)
+        """Return an edge of many with its numbers [*batch, n_edges, k] as NumPy arrays, floats in float64."""
+        wide = lambda leaf: np.asarray(leaf, np.float64 if jnp.issubdtype(leaf.dtype, jnp.floating) else None)  # noqa: E731
+        return jax.tree.map(lambda leaf: self._ranked(wide(leaf), 2).view(OnHost), edge)
 
-    def _motion_of(self, edge: Edge, members: Sequence[int]) -> Rigid:
+    def _motion_of(self, edge: Edge, members: Sequence[int], alone: bool = False) -> Rigid:
+        """Return the motions of a family's edges; ``alone``: the edge is the only one, and its numbers have no axis over edges."""
         order = 2 if self.tree.edge_of(members[0]).supports_accelerations else 1
         row = self.tree.topology.prescribed[members[0]]
         held = None
@@ -105,6 +130,11 @@ class _Reader:
             held = _motion(self.state.prescribed, [self.tree.topology.prescribed[frame] for frame in members], self.rank)
         q, qd, qdd = self._coordinates(members, edge)
         inputs = Inputs(q, qd, qdd, self._time(len(members)), held, self.rank + 1)
+        if alone and inputs.time is not None:
+            q, qd, qdd = (tuple(component[..., 0] for component in row) for row in (q, qd, qdd))
+            inputs = Inputs(q, qd, qdd, (jnp.asarray(inputs.time[0])[..., 0], jnp.asarray(inputs.time[1])[..., 0]), None, self.rank)
+            motion = append_all(AT_REST, with_halves(map(_on_numpy, edge.steps(inputs, order)), numpy_sin_cos), order)
+            return jax.tree.map(lambda x: x if isinstance(x, float) else np.asarray(x)[..., None], motion)
         return append_all(AT_REST, with_halves(map(_on_numpy, edge.steps(inputs, order)), numpy_sin_cos), order)
 
     def _time(self, count: int) -> tuple[jax.Array, jax.Array] | None:
