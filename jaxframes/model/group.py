@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import overload
 
-from jaxframes.errors import ShapeError, UnknownFrameError, suggest
+from jaxframes.errors import ShapeError
 from jaxframes.model.topology import Topology
 
 
@@ -48,11 +48,12 @@ def group_of(topology: Topology, *patterns: str | Sequence[str]) -> Group:
     """Return the frames that patterns name, as ``FrameTree.group`` says."""
     found: dict[str, None] = {}
     for pattern in patterns:
-        if not isinstance(pattern, str):
+        if isinstance(pattern, Sequence) and not isinstance(pattern, str):
             found |= dict.fromkeys(topology.names[topology.index(name)] for name in pattern)
             continue
-        fits = [pattern] if pattern in topology.index_of else fnmatch.filter(topology.names, pattern)
-        if not fits:
-            raise UnknownFrameError(f"no frame is called {pattern!r} or fits it.{suggest(pattern, topology.names)}")
+        known = not isinstance(pattern, str) or pattern in topology.index_of
+        fits = [] if known else [frame for frame in topology.names if fnmatch.fnmatchcase(frame, pattern)]
+        if not fits:  # a frame may be called as a pattern is; what is neither is refused by its name
+            fits = [topology.names[topology.index(pattern)]]
         found |= dict.fromkeys(fits)
     return Group(tuple(found))

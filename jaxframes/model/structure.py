@@ -1,6 +1,5 @@
 """Questions about a tree's structure: answered on the host from static arrays, without JAX."""
 
-import fnmatch
 import functools
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -11,6 +10,7 @@ import numpy as np
 
 from jaxframes.edges.base import Edge
 from jaxframes.errors import ShapeError, TopologyError, UnknownJointError, by_keyword, says_keywords, suggest
+from jaxframes.model.group import Group, group_of
 from jaxframes.model.properties import Properties, thaw
 from jaxframes.model.state import Attachments, State
 from jaxframes.model.topology import Topology
@@ -147,11 +147,21 @@ class Structure(ABC):
         Raises:
             UnknownFrameError: It fits no frame; close names are suggested.
         """
-        if name not in self.topology.index_of and isinstance(name, str):
-            found = tuple(frame for frame in self.names if fnmatch.fnmatchcase(frame, name))
-            if found:
-                return found
-        return (self.names[self.topology.index(name)],)
+        return group_of(self.topology, name).names
+
+    def group(self, *patterns: str | Sequence[str]) -> Group:
+        """Return several frames to ask about at once: ``tree.motion(state, of=tree.group("sat/*"), relative_to="earth")``.
+
+        A group is a sequence of names: ``group[3:10]`` is a group, ``group[3]`` a name. Results of queries have a leading axis over it.
+
+        Args:
+            patterns: Names, patterns with ``*``, ``?`` and ``[...]``, or sequences of names; in the order given, those of a pattern in
+                the order of declaration, each frame once.
+
+        Raises:
+            UnknownFrameError: A pattern fits no frame.
+        """
+        return group_of(self.topology, *patterns)
 
     def parent(self, name: str, state: State | None = None) -> Any:
         """Return the name of a frame's parent: the declared one, or with a state the one that it hangs on there.

@@ -9,7 +9,7 @@ from jaxframes.errors import says_keywords
 from jaxframes.kinematics import queries
 from jaxframes.kinematics.apparent import ApparentState, checked
 from jaxframes.kinematics.plan import over_all_frames
-from jaxframes.model.group import Group, group_of
+from jaxframes.model.group import Group
 from jaxframes.model.state import State
 from jaxframes.spatial import Motion, SpatialAcceleration, SpatialVelocity, Transform, Twist, Wrench
 from jaxframes.tree import edit
@@ -31,20 +31,6 @@ class FrameTree(States):
     ``State``: it jits, vmaps, scans and differentiates, and broadcasts leading batch axes of tree and state. Paths go through
     the lowest common ancestor, never through the root. Outside the coverage of a table the value and its gradient are NaN.
     """
-
-    def group(self, *patterns: str | Sequence[str]) -> Group:
-        """Return several frames to ask about at once: ``tree.motion(state, of=tree.group("sat/*"), relative_to="earth")``.
-
-        A group is a sequence of names: ``group[3:10]`` is a group, ``group[3]`` a name. Results of queries have a leading axis over it.
-
-        Args:
-            patterns: Names, patterns with ``*``, ``?`` and ``[...]``, or sequences of names; in the order given, those of a pattern in
-                the order of declaration, each frame once.
-
-        Raises:
-            UnknownFrameError: A pattern fits no frame.
-        """
-        return group_of(self.topology, *patterns)
 
     # --- queries ------------------------------------------------------------------------------------------------------------
 

@@ -124,7 +124,7 @@ def test_what_is_wrong_is_said_and_nothing_is_added():
     with pytest.raises(EdgeError, match=r"edge must be one of jf\.edges"):
         b.add_many(["x", "y"], parent="hub", edge=[E.Fixed(), None])
     assert b.names == TREE.names
-    with pytest.raises(UnknownFrameError, match=r"no frame is called 'leg/\*' or fits it"):
+    with pytest.raises(UnknownFrameError, match=r"the tree has no frame 'leg/\*'"):
         TREE.group("leg/*")
     with pytest.raises(ShapeError, match="this group has none"):
         TREE.transform(TREE.state(), of=TREE.group("arm/*")[5:], relative_to="hub")
