@@ -4,21 +4,17 @@ What the arrays mean: https://mujoco.readthedocs.io, "mjModel" and "Kinematic tr
 body's own axes, each about its own anchor point, after the body's fixed pose in its parent.
 """
 
-import importlib
 from collections.abc import Mapping
-from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from jaxframes import edges
 from jaxframes.edges.base import Edge
-from jaxframes.errors import FormatError, MissingExtraError
+from jaxframes.io import mjcf_source
 from jaxframes.io.mjcf_equality import Following, followers
 from jaxframes.io.mjcf_keyframes import BALL, FREE, HINGE, SLIDE, joint_values, keyframe_facts
 from jaxframes.io.mjcf_names import Names
-from jaxframes.io.xml_nodes import MOST_BYTES, outermost_tag
 from jaxframes.numerics import host_quaternions
 from jaxframes.spatial import Rotation, Transform
 from jaxframes.tree import FrameTree, TreeBuilder
@@ -55,11 +51,12 @@ def load_mjcf(source: Any, *, mimic: bool = True) -> FrameTree:
 
     Raises:
         MissingExtraError: MuJoCo is not installed.
-        FormatError: MuJoCo refuses the model (its message is part of ours), or it is a URDF: MuJoCo would fuse fixed links away and drop
-            mimic joints, so ``jf.load_urdf`` reads those.
+        FormatError: MuJoCo refuses the model (its message is part of ours); it is text that includes files, which could be any; or it is a
+            URDF: MuJoCo would fuse fixed links away and drop mimic joints, so ``jf.load_urdf`` reads those.
+
+    What MuJoCo warns of is a ``FrameWarning``.
     """
-    mujoco = _mujoco()
-    model = _compiled(mujoco, source)
+    mujoco, model = mjcf_source.mujoco(), mjcf_source.compiled(source)
     names = Names(mujoco, model)
     follow, ignored = followers(mujoco, model, names) if mimic else ({}, {})
     builder = TreeBuilder(root=names.body(0))
@@ -81,48 +78,6 @@ def load_mjcf(source: Any, *, mimic: bool = True) -> FrameTree:
     facts = {"keyframes": keyframe_facts(model, names, follow), "ignored": ignored}
     builder.set_properties(builder.root, {key: value for key, value in facts.items() if value})
     return builder.build()
-
-
-def _mujoco() -> Any:
-    try:
-        return importlib.import_module("mujoco")
-    except ImportError as error:
-        raise MissingExtraError("reading MJCF needs the package 'mujoco': pip install 'jaxframes[mujoco]'") from error
-
-
-def _compiled(mujoco: Any, source: Any) -> Any:
-    """Return the compiled model of whatever ``load_mjcf`` takes."""
-    if isinstance(source, mujoco.MjModel):
-        return source
-    label = "the mujoco.MjSpec given" if isinstance(source, mujoco.MjSpec) else _label(source)
-    try:
-        if isinstance(source, mujoco.MjSpec):
-            return source.compile()
-        is_text = label == TEXT
-        return mujoco.MjModel.from_xml_string(source) if is_text else mujoco.MjModel.from_xml_path(str(source))
-    except ValueError as error:
-        raise FormatError(f"{label}: MuJoCo refuses the model: {error}") from None
-
-
-TEXT = "the text given"
-
-
-def _label(source: Any) -> str:
-    """Return what to call a path or text in messages (FormatError for what is neither, no file, too large, or a URDF)."""
-    if not isinstance(source, (str, PathLike)):
-        raise FormatError(f"a path, text, a mujoco.MjSpec or a mujoco.MjModel is needed, found {type(source).__name__}")
-    is_text = isinstance(source, str) and source.lstrip("\ufeff \t\r\n").startswith("<")
-    label = TEXT if is_text else str(source)
-    if not is_text and not Path(source).is_file():
-        raise FormatError(f"{label!r} is no file; give the path of a file, or text that starts with '<'")
-    size = len(str(source)) if is_text else Path(source).stat().st_size
-    if size > MOST_BYTES:
-        raise FormatError(f"{label} has {size} bytes, more than the {MOST_BYTES} that are read; is it the right file?")
-    if outermost_tag(str(source).encode("utf-8", "surrogatepass") if is_text else Path(source).read_bytes()) == "robot":
-        raise FormatError(
-            f"{label} is a URDF (<robot>); read it with jf.load_urdf. MuJoCo would fuse links that are fixed together and drop mimic joints"
-        )
-    return label
 
 
 def _add_body(builder: TreeBuilder, model: Any, names: Names, body: int, follow: Mapping[int, Following], rest: Mapping[str, Any]) -> None:

@@ -16,6 +16,8 @@ MOST_BYTES = 20_000_000
 DEEPEST = 200
 """Deepest nesting of elements that is read."""
 NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")  # each digit can match in one place only: linear in the text
+TEXT = "the text given"
+"""What text without a file is called in messages."""
 LONGEST_SHOWN = 60
 """How many characters of a file's own text stand in a message at most."""
 
@@ -81,10 +83,14 @@ def shown(text: str) -> str:
     return repr(text) if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]!r}... ({len(text)} characters)"
 
 
-def read(source: Any) -> tuple[bytes, str]:
-    """Return the bytes of a file or of text, and what to call it in messages.
+def read(source: Any, kinds: str = "a path or text") -> tuple[bytes, str]:
+    """Return the bytes of a file or of text, and what to call it in messages: text is ``TEXT``.
 
     Text is told from a path by its first character, ``<``.
+
+    Args:
+        source: The path or text.
+        kinds: What may be given, for messages.
 
     Raises:
         FormatError: There is no such file, or it is too large, empty or binary.
@@ -92,7 +98,7 @@ def read(source: Any) -> tuple[bytes, str]:
     if isinstance(source, (bytes, bytearray)) or (
         isinstance(source, str) and (not source.strip() or source.lstrip("\ufeff \t\r\n").startswith("<"))
     ):
-        data, label = (source.encode("utf-8", "surrogatepass") if isinstance(source, str) else bytes(source)), "the text given"
+        data, label = (source.encode("utf-8", "surrogatepass") if isinstance(source, str) else bytes(source)), TEXT
         size = len(data)
     elif isinstance(source, (str, os.PathLike)):
         path, label = Path(source), str(source)
@@ -105,11 +111,11 @@ def read(source: Any) -> tuple[bytes, str]:
             kind = "a folder" if path.is_dir() else "no file"
             raise FormatError(f"{label!r} is {kind}; give the path of a file, or text that starts with '<'")
     else:
-        raise FormatError(f"a path or text is needed, found {type(source).__name__}: {source!r}")
+        raise FormatError(f"{kinds} is needed, found {type(source).__name__}: {source!r}")
     if size > MOST_BYTES:
         raise FormatError(f"{label} has {size} bytes, more than the {MOST_BYTES} that are read; is it the right file?")
     if not data.strip():
-        raise FormatError(f"{label} is empty; a robot description starts with <robot name=...>")
+        raise FormatError(f"{label} is empty; a robot description starts with <robot name=...> or <mujoco>")
     if b"\0" in data[:4096] and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise FormatError(f"{label} is binary data, not XML; give the text form of the description")
     return data, label
@@ -156,14 +162,14 @@ def parse(data: bytes, source: str) -> Node:
     return outermost[0]
 
 
-def outermost_tag(data: bytes) -> str | None:
-    """Return what the outermost element is called, whatever comes after it; None where that cannot be told."""
+def element_names(data: bytes) -> list[str]:
+    """Return what the elements are called, in order, as far as they can be read; the first is the outermost."""
     parser = expat.ParserCreate()
     met: list[str] = []
     parser.StartElementHandler = lambda tag, attributes: met.append(tag)
     with contextlib.suppress(expat.ExpatError, LookupError, UnicodeError, ValueError):  # others say what is wrong with it
         parser.Parse(data.lstrip(), True)
-    return met[0] if met else None
+    return met
 
 
 def facts(node: Node) -> dict[str, Any]:
