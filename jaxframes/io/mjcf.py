@@ -4,6 +4,7 @@ What the arrays mean: https://mujoco.readthedocs.io, "mjModel" and "Kinematic tr
 body's own axes, each about its own anchor point, after the body's fixed pose in its parent.
 """
 
+import functools
 import importlib
 from collections.abc import Mapping
 from os import PathLike
@@ -61,7 +62,8 @@ def load_mjcf(source: Any, *, mimic: bool = True) -> FrameTree:
     mujoco = _mujoco()
     model = _compiled(mujoco, source)
     names = Names(mujoco, model)
-    follow, ignored = followers(mujoco, model, names) if mimic else ({}, {})
+    tied, ignored = followers(mujoco, model, names)
+    follow = tied if mimic else {}
     builder = TreeBuilder(root=names.body(0))
     rest, _ = joint_values(model, names, model.qpos0, np.zeros(model.nv))
     for body in range(1, model.nbody):
@@ -94,25 +96,23 @@ def _compiled(mujoco: Any, source: Any) -> Any:
     """Return the compiled model of whatever ``load_mjcf`` takes."""
     if isinstance(source, mujoco.MjModel):
         return source
-    label = "the mujoco.MjSpec given" if isinstance(source, mujoco.MjSpec) else _label(source)
+    if isinstance(source, mujoco.MjSpec):
+        label, compiled = "the mujoco.MjSpec given", source.compile
+    else:
+        is_text, label = _checked(source)
+        compiled = functools.partial(mujoco.MjModel.from_xml_string if is_text else mujoco.MjModel.from_xml_path, str(source))
     try:
-        if isinstance(source, mujoco.MjSpec):
-            return source.compile()
-        is_text = label == TEXT
-        return mujoco.MjModel.from_xml_string(source) if is_text else mujoco.MjModel.from_xml_path(str(source))
+        return compiled()
     except ValueError as error:
         raise FormatError(f"{label}: MuJoCo refuses the model: {error}") from None
 
 
-TEXT = "the text given"
-
-
-def _label(source: Any) -> str:
-    """Return what to call a path or text in messages (FormatError for what is neither, no file, too large, or a URDF)."""
+def _checked(source: Any) -> tuple[bool, str]:
+    """Return whether a path or text is text, and what to call it (FormatError for what is neither, no file, too large, or a URDF)."""
     if not isinstance(source, (str, PathLike)):
         raise FormatError(f"a path, text, a mujoco.MjSpec or a mujoco.MjModel is needed, found {type(source).__name__}")
     is_text = isinstance(source, str) and source.lstrip("\ufeff \t\r\n").startswith("<")
-    label = TEXT if is_text else str(source)
+    label = "the text given" if is_text else str(source)
     if not is_text and not Path(source).is_file():
         raise FormatError(f"{label!r} is no file; give the path of a file, or text that starts with '<'")
     size = len(str(source)) if is_text else Path(source).stat().st_size
@@ -122,7 +122,7 @@ def _label(source: Any) -> str:
         raise FormatError(
             f"{label} is a URDF (<robot>); read it with jf.load_urdf. MuJoCo would fuse links that are fixed together and drop mimic joints"
         )
-    return label
+    return is_text, label
 
 
 def _add_body(builder: TreeBuilder, model: Any, names: Names, body: int, follow: Mapping[int, Following], rest: Mapping[str, Any]) -> None:
