@@ -71,7 +71,8 @@ def fit_joint(
     topology = tree.topology
     frame = topology.joint_frames[topology.joint(joint)]
     first, nq, first_v, nv = topology.coordinates[frame]
-    alone, own = compile_frames(Declared({"parent": None, "child": "parent"}, {"child": tree.edge_of(frame)}, {"child": "joint"}))
+    edge = tree.edge_of(frame).bare()  # without limits: joints that differ in these alone share a program
+    alone, own = compile_frames(Declared({"parent": None, "child": "parent"}, {"child": edge}, {"child": "joint"}))
     values = (state.q[..., first : first + nq], *(rate[..., first_v : first_v + nv] for rate in (state.qd, state.qdd)))
     wanted = tuple(None if value is None else value.as_vector() for value in (velocity, acceleration))
     q, qd, qdd, residual, *more = _compiled(alone, own, *values, state.time, transform, *wanted, as_float(weight))
