@@ -94,6 +94,10 @@ def test_out_of_reach_the_closest_is_scipys(dtype):
     assert np.linalg.norm(fit.residual[:3]) > 0.1
     np.testing.assert_allclose(fit.residual[3:], GOAL[3:] - PLACE.translation, atol=1e-6)
     assert fit.velocity_residual is None
+    single = UNIVERSAL.astype(np.float32)
+    pose = jf.Transform(jf.Rotation.identity(), np.zeros(3)).astype(np.float32)
+    q = jax.eval_shape(lambda state: single.fit_joint(state, "wrist", transform=pose, weight=2.0).q, single.state())
+    assert q.dtype == np.float32  # plain numbers make nothing wider
     np.testing.assert_array_equal(fit.qd, np.zeros(2))
 
 
