@@ -58,7 +58,8 @@ def load_mjcf(source: Any, *, mimic: bool = True) -> FrameTree:
     """
     mujoco, model = mjcf_source.mujoco(), mjcf_source.compiled(source)
     names = Names(mujoco, model)
-    follow, ignored = followers(mujoco, model, names) if mimic else ({}, {})
+    tied, ignored = followers(mujoco, model, names)
+    follow = tied if mimic else {}
     builder = TreeBuilder(root=names.body(0))
     rest, _ = joint_values(model, names, model.qpos0, np.zeros(model.nv))
     for body in range(1, model.nbody):

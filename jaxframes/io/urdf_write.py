@@ -29,7 +29,7 @@ def to_urdf(tree: FrameTree, *, name: str | None = None) -> str:
 
     ``load_urdf`` of the text gives the same frames, joints and kinematics. What ``load_urdf`` kept as properties (inertial,
     visual, collision, dynamics) is written too. Edges without a name become joints called after their frame with ``_joint``
-    added. A revolute joint without any limits becomes a continuous one.
+    added. A revolute joint without any limits becomes a continuous one. A joint's ``rest`` has no word in URDF and is not written.
 
     Args:
         tree: The tree; its numbers must be known (not traced) and without batch axes.

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxframes.kinematics.arrays import named
 from jaxframes.kinematics.attachments import is_one_of, nan_unless, static_components_of
 from jaxframes.kinematics.derived import context_of
-from jaxframes.model.state import Attachments, State
+from jaxframes.model.state import State
 from jaxframes.model.structure import Structure
 from jaxframes.numerics.components import renormalized
 from jaxframes.numerics.packed import Kind, Packed
@@ -31,7 +31,7 @@ def attach(tree: Structure, state: State, to: jax.Array, *, frame: int, keep: st
     held = state.attachments
     assert held is not None
     if keep == "relative":
-        return replace(state, attachments=Attachments(_put(held.parents, row, to, 0), held.motion))
+        return replace(state, attachments=replace(held, links=_put(held.links, row, to, 0)))
     order = 0 if keep == "world" else 2 if all(tree.edge_of(members[0]).supports_accelerations for members in tree.topology.members) else 1
     context = context_of(tree, state, order)
     candidates = tree.topology.candidates[row]
@@ -48,7 +48,7 @@ def attach(tree: Structure, state: State, to: jax.Array, *, frame: int, keep: st
 
     motion = named(stage(work)())
     fresh = jax.tree.map(lambda old, new: _put(old, row, new.astype(old.dtype), 1), held.motion, motion)
-    return replace(state, attachments=Attachments(_put(held.parents, row, to, 0), fresh))
+    return replace(state, attachments=replace(held, links=_put(held.links, row, to, 0), motion=fresh))
 
 
 def _put(values: jax.Array, row: int, new: jax.Array, trailing: int) -> jax.Array:

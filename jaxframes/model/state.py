@@ -14,7 +14,7 @@ from jaxframes.errors import FrameError, ShapeError, suggest
 from jaxframes.numerics.batch import Batched, tag
 from jaxframes.spatial import Epoch, Motion
 from jaxframes.spatial.serialization import register
-from jaxframes.staging.arrays import as_float, is_concrete
+from jaxframes.staging.arrays import as_float, is_concrete, widest
 
 
 @jax.tree_util.register_pytree_with_keys_class
@@ -26,7 +26,8 @@ class Attachments:
     (exact up to 16 million frames), whose derivatives are zero; ``parents`` reads them.
 
     Attributes:
-        links: Index in ``tree.names`` of each one's parent, float32 [..., n_attachable]; the constructor takes whole numbers.
+        links: Index in ``tree.names`` of each one's parent [..., n_attachable], in the dtype of the motion (float32 at least); the
+            constructor takes whole numbers.
         motion: Motion of each one relative to its parent, leaves [..., n_attachable, 4 or 3].
     """
 
@@ -36,7 +37,7 @@ class Attachments:
 
     def __init__(self, links: Any, motion: Motion, kind: str = "Attachments"):
         whole = isinstance(links, (jax.Array, np.ndarray)) and jnp.issubdtype(links.dtype, jnp.integer)
-        links = jnp.asarray(links).astype(jnp.float32) if whole else links
+        links = jnp.asarray(links).astype(widest(jnp.float32, motion.transform.translation.dtype)) if whole else links
         for name, value in (("links", links), ("motion", motion), ("kind", kind)):
             object.__setattr__(self, name, value)
 

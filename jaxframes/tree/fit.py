@@ -18,12 +18,12 @@ from jaxframes.edges.base import Edge
 from jaxframes.errors import ShapeError
 from jaxframes.kinematics import queries
 from jaxframes.model.compile import Declared, compile_frames
-from jaxframes.model.joint_values import make_state, set_named
+from jaxframes.model.joint_values import in_dtype, make_state, set_named
 from jaxframes.model.parameters import Parameters
 from jaxframes.model.state import State
 from jaxframes.model.topology import Topology
 from jaxframes.spatial import Epoch, Rotation, SpatialAcceleration, SpatialVelocity, Transform
-from jaxframes.staging.arrays import as_float, widest
+from jaxframes.staging.arrays import widest
 
 ROUNDS = 25
 """Rounds of the search: joints with one axis take one or two, spherical ones up to fifteen from half a turn away."""
@@ -71,10 +71,12 @@ def fit_joint(
     topology = tree.topology
     frame = topology.joint_frames[topology.joint(joint)]
     first, nq, first_v, nv = topology.coordinates[frame]
-    alone, own = compile_frames(Declared({"parent": None, "child": "parent"}, {"child": tree.edge_of(frame)}, {"child": "joint"}))
+    edge = tree.edge_of(frame).bare()  # without limits: joints that differ in these alone share a program
+    alone, own = compile_frames(Declared({"parent": None, "child": "parent"}, {"child": edge}, {"child": "joint"}))
     values = (state.q[..., first : first + nq], *(rate[..., first_v : first_v + nv] for rate in (state.qd, state.qdd)))
     wanted = tuple(None if value is None else value.as_vector() for value in (velocity, acceleration))
-    q, qd, qdd, residual, *more = _compiled(alone, own, *values, state.time, transform, *wanted, as_float(weight))
+    factor = in_dtype(weight, widest(tree.dtype, state.q.dtype))
+    q, qd, qdd, residual, *more = _compiled(alone, own, *values, state.time, transform, *wanted, factor)
     found = {"q": _as_given(q), "qd": _as_given(qd), "qdd": _as_given(qdd)}
     fields = {kind: set_named(topology, _wide(getattr(state, kind), value), {joint: value}, kind) for kind, value in found.items()}
     return JointFit(state.replace(**fields), **found, residual=residual, velocity_residual=more[0], acceleration_residual=more[1])

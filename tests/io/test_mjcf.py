@@ -149,3 +149,12 @@ def test_names_that_are_made_up_are_none_that_the_model_has(dtype):
         pose = tree.transform(tree.state(q=q.astype(dtype)), of=name, relative_to="world")
         np.testing.assert_allclose(pose.translation, data.xpos[i], atol=1e-5)
         np.testing.assert_allclose(pose.rotation.to_matrix().reshape(-1), data.xmat[i], atol=1e-5)
+
+
+def test_a_kind_before_a_name_takes_the_place_of_no_other_thing():
+    sites = '<site name="a"/><site name="site:a" pos="1 0 0"/>'
+    text = f'<mujoco><worldbody><body name="a"><geom size="1"/>{sites}<camera name="site:a"/></body></worldbody></mujoco>'
+    tree = jf.load_mjcf(text)
+    assert tree.names == ("world", "a", "site:a_", "site:a", "camera:site:a")
+    place = tree.transform(tree.state(), of="site:a", relative_to="a").translation
+    np.testing.assert_array_equal(place, [1, 0, 0])

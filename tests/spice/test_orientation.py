@@ -44,6 +44,19 @@ def test_itrf93_over_all_segments(kernels, cspice, rng, base):
     assert np.abs(np.linalg.norm(q, axis=1) - 1).max() < 1e-15
 
 
+@pytest.mark.slow
+@pytest.mark.float64
+@pytest.mark.parametrize("whole", [True, False])
+def test_the_figure_that_the_readme_gives_for_itrf93(kernels, cspice, rng, whole):
+    # a wider search, 1.6 million instants of either kind, gives the README's figures; these instants are to stay near them
+    edge = kernels.orientation(frame="ITRF93")
+    times = rng.integers(-43000, 853800000, 20000).astype(float) if whole else rng.uniform(-43000, 853800000, 20000)
+    q, w, _ = edge.evaluate(times)
+    rotation, rate = from_spice(cspice, times)
+    assert angles(matrices(q), rotation).max() <= 3e-15
+    assert np.linalg.norm(np.asarray(w) - rate, axis=1).max() <= 7e-20
+
+
 @pytest.mark.float64
 def test_angular_acceleration_is_the_derivative_of_the_angular_velocity(itrf93, rng):
     times = jnp.asarray(rng.uniform(820497600, 852033600, 20))

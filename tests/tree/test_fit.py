@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import jaxframes as jf
 from jaxframes import errors
+from tests.compilations import compilations
 
 E = jf.edges
 PLACE = jf.Transform(jf.Rotation.from_rpy(0.1, -0.2, 0.3), np.array([0.1, 0.2, 0.3]))
@@ -93,6 +94,10 @@ def test_out_of_reach_the_closest_is_scipys(dtype):
     assert np.linalg.norm(fit.residual[:3]) > 0.1
     np.testing.assert_allclose(fit.residual[3:], GOAL[3:] - PLACE.translation, atol=1e-6)
     assert fit.velocity_residual is None
+    single = UNIVERSAL.astype(np.float32)
+    pose = jf.Transform(jf.Rotation.identity(), np.zeros(3)).astype(np.float32)
+    q = jax.eval_shape(lambda state: single.fit_joint(state, "wrist", transform=pose, weight=2.0).q, single.state())
+    assert q.dtype == np.float32  # plain numbers make nothing wider
     np.testing.assert_array_equal(fit.qd, np.zeros(2))
 
 
@@ -130,6 +135,17 @@ def test_what_a_chain_needs_of_a_part_goes_into_its_joint(dtype, tol):
     np.testing.assert_allclose(fit.state.q, goal.q, atol=20 * tol)
     np.testing.assert_allclose(tree.transform(fit.state, **names).to_matrix(), tree.transform(goal, **names).to_matrix(), atol=20 * tol)
     assert fixed.oriented
+
+
+def test_joints_of_a_family_share_a_program():
+    b = jf.TreeBuilder()
+    for i in range(2):
+        b.add(f"f{i}", parent="world", edge=E.Revolute((0, 0, 1 + i), limits=(-1 - i, 2)), joint=f"j{i}")
+    tree = b.build()
+    goal = jf.Transform(jf.Rotation.rot_z(0.5), np.zeros(3))
+    fit = lambda joint: tree.fit_joint(tree.state(), joint, transform=goal).q
+    np.testing.assert_allclose(fit("j0"), 0.5, rtol=1e-6)
+    assert compilations(fit, "j1") <= 2  # what puts the number into its column of q
 
 
 def test_what_cannot_be_fitted_is_said():
