@@ -193,7 +193,7 @@ def LVLH(craft: str, center: str, inertial: str | None = None) -> TwoVector:
         center: Name of the frame at the centre.
         inertial: Name of the frame that observes the velocity; its axes must not turn. Default: the centre's own frame.
     """
-    return TwoVector(Direction(center, craft), Velocity(craft, inertial or center), ("z", "x"))
+    return TwoVector(Direction(craft, center), Velocity(craft, inertial or center), ("-z", "x"))
 
 
 def RTN(craft: str, center: str, inertial: str | None = None) -> TwoVector:

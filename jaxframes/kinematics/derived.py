@@ -29,7 +29,9 @@ def context_of(tree: Structure, state: State, order: int) -> Context:
 
 def motions_read(context: Context, frame: int) -> tuple[Seen, ...]:
     """Return the motions that the edge above a frame reads."""
-    return tuple(_seen(context, frame, *read) for read in context.topology.reads[frame])
+    reads = context.topology.reads[frame]
+    found = {read: _seen(context, frame, *read) for read in sorted(reads, key=lambda read: not read[2])}  # those with more serve the others
+    return tuple(found[read] for read in reads)
 
 
 def _seen(context: Context, frame: int, of: int, relative_to: int, further: bool) -> Seen:
@@ -38,9 +40,12 @@ def _seen(context: Context, frame: int, of: int, relative_to: int, further: bool
         return Seen(unpacked(motion))
     if context.order < 2:
         more = context.worked_out(("context", 1), lambda: context_of(context.tree, context.state, context.order + 1))
-        return Seen(unpacked(more.worked_out(("motion", of, relative_to), lambda: _between(more, of, relative_to))))
+        motion = more.worked_out(("motion", of, relative_to), lambda: _between(more, of, relative_to))
+        context.worked_out(("motion", of, relative_to), lambda: motion[: 1 + context.order])
+        return Seen(unpacked(motion))
     _check_further(context, frame, of, relative_to)
     motion, jerk = context.worked_out(("jerk", of, relative_to), lambda: _with_jerk(context, of, relative_to))
+    context.worked_out(("motion", of, relative_to), lambda: motion)
     return Seen(unpacked(motion), V3(*take_apart(jerk)[3:]))
 
 

@@ -9,6 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from jaxframes.staging.internals import is_compiling
+
 
 def is_concrete(array: Any) -> bool:
     """Whether an array's numbers are known now, outside any trace."""
@@ -26,6 +28,11 @@ def widest(*dtypes: Any) -> Any:
         return functools.reduce(jnp.promote_types, dtypes)
 
 
+def on_device(numbers: np.ndarray) -> jax.Array:
+    """Return an array of NumPy as one of JAX: outside of ``jit`` handed over as it is, for which ``jnp.asarray`` compiles each shape."""
+    return jnp.asarray(numbers) if is_compiling() else jax.device_put(numbers)
+
+
 def as_float(value: Any) -> jax.Array:
     """Return any array-like of numbers as a JAX array with a strong float dtype."""
     if isinstance(value, jax.Array) and not value.weak_type and jnp.issubdtype(value.dtype, jnp.floating):
@@ -33,7 +40,7 @@ def as_float(value: Any) -> jax.Array:
     if isinstance(value, (np.ndarray, float)):  # converted before it becomes an array of JAX: ten times faster
         numbers = np.asarray(value)
         single = jnp.issubdtype(numbers.dtype, jnp.floating) and isinstance(value, np.ndarray) and numbers.dtype != np.float64
-        return jnp.asarray(numbers if single else numbers.astype(default_float()))
+        return on_device(numbers if single else numbers.astype(default_float()))
     array = jnp.asarray(value)
     dtype = array.dtype if jnp.issubdtype(array.dtype, jnp.floating) and not array.weak_type else default_float()
     return lax.convert_element_type(array, dtype)

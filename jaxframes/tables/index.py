@@ -32,7 +32,8 @@ def build_index(starts: Starts, stop: Fraction) -> tuple[dict[str, np.ndarray], 
         gaps, rests = host_two_part.add((high[1:], low[1:]), (-high[:-1], -low[:-1]))
         usual = np.argsort(gaps)[(count - 1) // 2]
         odd = np.abs((gaps - gaps[usual]) + (rests - rests[usual]))
-        if ((odd > AFTER_END / 2) & (odd < AFTER_END * 2)).any():
+        shift = float(AFTER_END)  # exact; compared with a fraction, each number would become one
+        if ((odd > shift / 2) & (odd < shift * 2)).any():
             return irregular((high, low), stop)  # some record keeps its last instant: not even
     for length in (step, middle):  # the last record may be cut short
         width = [np.full(count, part) for part in two_parts(length)]

@@ -4,12 +4,11 @@ from fractions import Fraction
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from jaxframes.errors import FrameError, SpiceError
 from jaxframes.numerics import host_two_part
-from jaxframes.staging.arrays import default_float
+from jaxframes.staging.arrays import default_float, on_device
 from jaxframes.time.calendar import tdb_text
 from jaxframes.time.scales import SHIPPED_LEAP_SECONDS
 
@@ -93,7 +92,7 @@ def pairs(*values: Fraction) -> jax.Array:
     """Return exact numbers as two parts each, one array of the default float dtype."""
     dtype = np.dtype(default_float())
     parts = [split(*two_parts(value), dtype) for value in values]
-    return jnp.asarray(np.array(parts, dtype).reshape(-1))
+    return on_device(np.array(parts, dtype).reshape(-1))
 
 
 def past_reference(reference: Any, high: np.ndarray, low: np.ndarray) -> host_two_part.Pair:

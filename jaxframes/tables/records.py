@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxframes.staging.arrays import default_float
+from jaxframes.staging.arrays import default_float, on_device
 from jaxframes.staging.sharding import rows_at
 from jaxframes.tables.instants import split
 
@@ -166,15 +166,15 @@ def to_record_table(arrays: dict[str, np.ndarray], series: int, compares: int, d
     rows[:, -3], rows[:, -2] = split(arrays["rows"][:, -3], arrays["rows"][:, -2], dtype)
     grid = arrays["grid"].astype(dtype)
     grid[0], grid[1] = split(arrays["grid"][0], arrays["grid"][1], dtype)
-    first = jnp.asarray(arrays["first"].astype(dtype)) if "first" in arrays else None
+    first = on_device(arrays["first"].astype(dtype)) if "first" in arrays else None
     ends = None
     if "ends" in arrays:
-        ends = jnp.asarray(np.stack(_ends(arrays["ends"][:, 0], arrays["ends"][:, 1], dtype), 1))
+        ends = on_device(np.stack(_ends(arrays["ends"][:, 0], arrays["ends"][:, 1], dtype), 1))
     rest = None
     if low and dtype == np.float32:
         at = two_part_columns(rows.shape[1], series)
-        rest = jnp.asarray((arrays["rows"][:, at] - rows[:, at].astype(np.float64)).astype(dtype))
-    return RecordTable(jnp.asarray(rows), jnp.asarray(grid), first, ends, series, compares, rest)
+        rest = on_device((arrays["rows"][:, at] - rows[:, at].astype(np.float64)).astype(dtype))
+    return RecordTable(on_device(rows), on_device(grid), first, ends, series, compares, rest)
 
 
 def _ends(high: np.ndarray, low: np.ndarray, dtype: np.dtype) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,7 @@ from numpy.polynomial import chebyshev
 from jaxframes.errors import EdgeError
 from jaxframes.numerics.components import Quat, quat_conj, quat_mul
 from jaxframes.spatial import rotation_ops
-from jaxframes.staging.arrays import default_float
+from jaxframes.staging.arrays import default_float, on_device
 from jaxframes.staging.columns import assemble, take_apart
 from jaxframes.tables.instants import split
 from jaxframes.tables.records import RecordTable, to_record_table
@@ -56,15 +56,15 @@ def grid_of(times: SampleTimes, method: str, points: int, ends: str) -> SampleGr
     dtype = np.dtype(default_float())
     if len(times.past[0]) > 2 ** (np.finfo(dtype).nmant + 1):
         raise EdgeError(f"Sampled: {len(times.past[0])} samples are more than {dtype.name} counts; give several shorter trajectories")
-    column = lambda numbers: jnp.asarray(numbers.astype(dtype)[:, None])  # noqa: E731
+    column = lambda numbers: on_device(numbers.astype(dtype)[:, None])  # noqa: E731
     bands = window = weights = None
     if method == "spline":
-        bands = jnp.asarray(np.concatenate(spline_bands(times, ends), 1).astype(dtype))
+        bands = on_device(np.concatenate(spline_bands(times, ends), 1).astype(dtype))
     elif method == "lagrange":
         found, first = lagrange_weights(times, points)
-        weights, window = jnp.asarray(found.astype(dtype)), column(first)
+        weights, window = on_device(found.astype(dtype)), column(first)
     index = to_record_table({"rows": times.rows, **times.index}, 3, times.compares)
-    pairs = jnp.asarray(np.stack(split(*times.past, dtype), 1))
+    pairs = on_device(np.stack(split(*times.past, dtype), 1))
     return SampleGrid(pairs, column(times.left), bands, window, weights, index)
 
 

@@ -15,7 +15,7 @@ from jaxframes.errors import EdgeError, ShapeError
 from jaxframes.numerics import host_two_part
 from jaxframes.numerics.steps import Step
 from jaxframes.spatial import Rotation
-from jaxframes.staging.arrays import default_float, unit
+from jaxframes.staging.arrays import default_float, on_device, unit
 from jaxframes.tables.base import recast_pairs, recast_records
 from jaxframes.tables.evaluate import OUTSIDE
 from jaxframes.tables.instants import pairs, past_reference, split
@@ -155,7 +155,7 @@ class Sampled(Edge):
             *(("attitudes", turns), ("grid", grid_of(known, method, points, ends)), ("method", method)),
             *(("points", points if method == "lagrange" else 0), ("ends", ends if method == "spline" else ENDS[0]), ("outside", outside)),
             *(("longest_gap", None if longest_gap is None else float(longest_gap)),),
-            *(("reference", jnp.asarray([known.reference, 0.0], default_float())), ("span", pairs(start, stop))),
+            *(("reference", on_device(np.array([known.reference, 0.0], default_float()))), ("span", pairs(start, stop))),
         ):
             object.__setattr__(self, name, value)
 

@@ -229,3 +229,30 @@ def test_a_family_defined_again_takes_the_place_of_the_one_before():
         return Again
 
     assert define() is not define()
+
+
+@jf.edges.family(static=("target",))
+class Halfway(jf.edges.Edge):
+    """A frame halfway between its parent and another frame: it reads that one's motion."""
+
+    target: str
+
+    @property
+    def reads(self):
+        return (jf.edges.Read(self.target, None),)
+
+    def steps(self, inputs, order):
+        seen = inputs.motions[0].motion
+        return (steps.Rigid(translation=seen.translation * 0.5, linear=seen.linear * 0.5, linear2=seen.linear2 * 0.5),)
+
+
+def test_a_family_that_reads_other_frames(dtype, tol):
+    b = jf.TreeBuilder()
+    b.add("gondola", parent="world", edge=Carousel(5.0, 0.25))
+    b.add("middle", parent="world", edge=Halfway("gondola"))
+    tree = b.build()
+    state = tree.state(time=jnp.asarray(2.0, dtype))
+    whole, half = (tree.motion(state, of=name, relative_to="world") for name in ("gondola", "middle"))
+    np.testing.assert_allclose(half.transform.translation, whole.transform.translation / 2, atol=tol)
+    np.testing.assert_allclose(half.velocity.linear, whole.velocity.linear / 2, atol=tol)
+    np.testing.assert_allclose(half.acceleration.linear, whole.acceleration.linear / 2, atol=tol)

@@ -367,3 +367,17 @@ REFUSED = [
 def test_what_is_wrong_is_said(make, words):
     with pytest.raises(EdgeError, match=words):
         make()
+
+
+def test_a_trajectory_made_under_jit_carries_gradients(dtype):
+    """What an integrator returns, inside of one program: the place is linear in the start, so its derivative is exact by a difference."""
+    times = np.arange(5.0)
+
+    def place(start):
+        states = jax.lax.scan(lambda y, _: (y + 0.5 * jnp.roll(y, 1), y), start, length=5)[1]
+        tree = tree_of(Sampled(times, states, velocities=0.5 * jnp.roll(states, 1, axis=1)))
+        return tree.transform(tree.state(time=2.3), of="c0", relative_to="world").translation
+
+    start = jnp.asarray([1.0, -2.0, 0.5], dtype)
+    slope = jax.jit(jax.jacrev(place))(start)
+    np.testing.assert_allclose(slope @ start, jax.jit(place)(start), rtol=1e-12 if dtype == np.float64 else 1e-5)
