@@ -86,8 +86,9 @@ def compiled(mujoco, path):
         return None
 
 
-def test_robosuite_against_mujoco(capsys):
+def test_robosuite_against_mujoco(capsys, tmp_path, monkeypatch):
     mujoco = pytest.importorskip("mujoco")
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes its warnings into a file where it runs
     files = files_of("robosuite", ".xml", "assets/")
     ask_for(files, "robosuite")
     models = bodies = keyframes = left_out = 0
