@@ -163,8 +163,8 @@ class Kepler(Edge):
         bad = (q <= 0) | (e < 0) | (mu <= 0)  # traced numbers that are impossible
         q = select(bad, jnp.full_like(q, jnp.nan), q)
         in_plane = _ellipse(seconds, q, e, last, mu) if self.conic == "ellipse" else _any_conic(seconds, q, e, last, mu)
-        axes = staged(lambda: _plane_axes(inclination, node, argument))  # once an orbit, not once a state
-        return staged(lambda: (_in_space(in_plane, *axes, mu, order),))
+        towards, ahead = staged(lambda: _plane_axes(inclination, node, argument))  # once an orbit, not once a state
+        return staged(lambda: (_in_space(in_plane, towards, ahead, mu, order),))
 
 
 def _plane_axes(inclination: Any, node: Any, argument: Any) -> tuple[V3, V3]:
