@@ -163,14 +163,19 @@ class Kepler(Edge):
         bad = (q <= 0) | (e < 0) | (mu <= 0)  # traced numbers that are impossible
         q = select(bad, jnp.full_like(q, jnp.nan), q)
         in_plane = _ellipse(seconds, q, e, last, mu) if self.conic == "ellipse" else _any_conic(seconds, q, e, last, mu)
-        return staged(lambda: (_turned(in_plane, inclination, node, argument, mu, order),))
+        towards, ahead = staged(lambda: _plane_axes(inclination, node, argument))  # once an orbit, not once a state
+        return staged(lambda: (_in_space(in_plane, towards, ahead, mu, order),))
 
 
-def _turned(plane: tuple[jax.Array, ...], inclination: Any, node: Any, argument: Any, mu: Any, order: int) -> Rigid:
-    """Return the motion in space of that in the orbit's plane: along the periapsis, ahead of it by a quarter turn, and their rates."""
+def _plane_axes(inclination: Any, node: Any, argument: Any) -> tuple[V3, V3]:
+    """Return the directions towards the periapsis and a quarter turn ahead of it."""
     (si, ci), (sn, cn), (sw, cw) = map(sin_cos, (inclination, node, argument))
     towards = V3(cn * cw - sn * sw * ci, sn * cw + cn * sw * ci, sw * si)
-    ahead = V3(-cn * sw - sn * cw * ci, -sn * sw + cn * cw * ci, cw * si)
+    return towards, V3(-cn * sw - sn * cw * ci, -sn * sw + cn * cw * ci, cw * si)
+
+
+def _in_space(plane: tuple[jax.Array, ...], towards: V3, ahead: V3, mu: Any, order: int) -> Rigid:
+    """Return the motion in space of that in the orbit's plane: along the periapsis, ahead of it by a quarter turn, and their rates."""
     x, y, vx, vy, radius = plane
     place = towards * x + ahead * y
     rates: list[V3] = [towards * vx + ahead * vy] if order > 0 else []
@@ -181,15 +186,19 @@ def _turned(plane: tuple[jax.Array, ...], inclination: Any, node: Any, argument:
 
 def _ellipse(seconds: jax.Array, q: Any, e: Any, anomaly: Any, mu: Any) -> tuple[jax.Array, ...]:
     """Return place and velocity in the plane of an ellipse and the distance, from half the eccentric anomaly: no difference cancels."""
-    a = q / (1 - e)
-    rate = jnp.sqrt(mu / a) / a
+    a, rate, wide, drive = staged(lambda: _of_ellipse(q, e, mu))
     found = kepler.eccentric_anomaly(kepler.nearest_turn(anomaly + rate * seconds), e)
     s, c = map(jnp.asarray, sin_cos(found * 0.5))
     sine, versine = 2 * s * c, 2 * s * s
-    wide = jnp.sqrt((1 - e) * (1 + e))
     radius = q + a * e * versine
-    speed = jnp.sqrt(mu * a) / radius
+    speed = drive / radius
     return q - a * versine, a * wide * sine, -speed * sine, speed * wide * (1 - versine), radius
+
+
+def _of_ellipse(q: Any, e: Any, mu: Any) -> tuple[jax.Array, ...]:
+    """Return semi-major axis, mean motion, ratio of the axes and sqrt(mu a): once an orbit, not once a state."""
+    a = q / (1 - e)
+    return a, jnp.sqrt(mu / a) / a, jnp.sqrt((1 - e) * (1 + e)), jnp.sqrt(mu * a)
 
 
 def _any_conic(seconds: jax.Array, q: Any, e: Any, time: Any, mu: Any) -> tuple[jax.Array, ...]:
