@@ -7,6 +7,7 @@ from jaxframes.io import interop
 from jaxframes.io.json_tree import from_json, to_json
 from jaxframes.io.mjcf import load_mjcf
 from jaxframes.io.mjcf_keyframes import mjcf_keyframes
+from jaxframes.io.oem import Oem, OemSegment, load_oem
 from jaxframes.io.robots import example_robot, example_robots
 from jaxframes.io.urdf import load_urdf
 from jaxframes.io.urdf_write import to_urdf
@@ -53,6 +54,8 @@ __all__ = [
     "JointFit",
     "LeapSeconds",
     "Motion",
+    "Oem",
+    "OemSegment",
     "Rotation",
     "SpatialAcceleration",
     "SpatialVelocity",
@@ -72,6 +75,7 @@ __all__ = [
     "interop",
     "kdl",
     "load_mjcf",
+    "load_oem",
     "load_urdf",
     "mjcf_keyframes",
     "numbered_labels",

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxframes.edges.spans import exact_span
 from jaxframes.errors import EdgeError, FrameError
 from jaxframes.numerics import host_two_part
 from jaxframes.staging.arrays import default_float, is_concrete
@@ -85,6 +86,28 @@ def sample_times(times: Any, longest_gap: float | None) -> SampleTimes:
     kept = np.flatnonzero(steps > 0)
     rows, index, compares = _indexed(past, kept, is_gap[kept])
     return SampleTimes(past, reference, segments, kept, is_gap[kept], rows, index, compares)
+
+
+def narrowed(times: SampleTimes, start: Any, stop: Any) -> tuple[Fraction, Fraction]:
+    """Return the first and last instant covered, exact seconds past the reference.
+
+    Args:
+        times: Times of the samples.
+        start: First instant, an ``Epoch``, seconds past J2000 TDB or text; None for that of the first sample.
+        stop: Last instant, likewise.
+
+    Raises:
+        EdgeError: They lie outside of the samples, or the start after the stop.
+    """
+    first, last = times.span
+    given = [None if end is None else end - times.reference for end in exact_span(start, stop, "Sampled")]
+    low, high = (own if end is None else end for own, end in zip((first, last), given, strict=True))
+    for name, end in (("start", low), ("stop", high)):
+        if not first <= end <= last:
+            raise EdgeError(f"Sampled({name}=...) lies {float(max(first - end, end - last)):.9g} s outside of the samples; leave it out")
+    if low > high:
+        raise EdgeError("Sampled: its start lies after its stop; swap them")
+    return low, high
 
 
 def _two_parts(times: Any) -> host_two_part.Pair:

@@ -35,7 +35,7 @@ from jaxframes.tables.sample_rows import (
     spline_rates,
     with_rows,
 )
-from jaxframes.tables.sample_times import sample_times
+from jaxframes.tables.sample_times import narrowed, sample_times
 from jaxframes.time.epoch import Epoch
 
 ENDS = ("not-a-knot", "natural")
@@ -70,7 +70,7 @@ class Sampled(Edge):
         angular_velocities: ``[n, 3]``, rad/s, in the parent's axes.
         grid: Times and what follows from them; constants.
         reference: ``[2]``: the epoch from which times count, in two parts, seconds past J2000 TDB.
-        span: ``[4]``: first and last time, in two parts each, seconds past the reference.
+        span: ``[4]``: first and last instant that is covered, in two parts each, seconds past the reference.
         method: The interpolant (static), as ``points``, ``ends``, ``outside`` and ``longest_gap`` are.
 
     Args:
@@ -86,6 +86,9 @@ class Sampled(Edge):
         outside: Before the first and after the last sample: ``"nan"`` (value and gradient), ``"hold"`` the pose there, at rest, or
             ``"extrapolate"`` the first or last polynomial. The coverage code is -1 or +1 in any case.
         longest_gap: Intervals between samples longer than this (s) are gaps: NaN, and code +1. Default: none are.
+        start: First instant that is covered, where some samples before it only serve to interpolate: an ``Epoch``, seconds past J2000 TDB
+            or text. Default: the first sample.
+        stop: Last instant that is covered, likewise.
 
     Raises:
         EdgeError: Times not in order, too few samples for the method, shapes that do not fit, numbers that are not finite (their index is
@@ -136,6 +139,8 @@ class Sampled(Edge):
         ends: str = "not-a-knot",
         outside: str = "nan",
         longest_gap: float | None = None,
+        start: Any = None,
+        stop: Any = None,
     ):
         known = sample_times(times, longest_gap)
         given = {"positions": positions, "velocities": velocities, "accelerations": accelerations, "angular_velocities": angular_velocities}
@@ -149,13 +154,13 @@ class Sampled(Edge):
             raise EdgeError(f"Sampled(points=...) is how many samples a polynomial goes through, 2 or more, found {points!r}")
         if turns is not None:
             checked_steps(turns, method, known)
-        start, stop = known.span
+        begin, end = narrowed(known, start, stop)
         for name, value in (
             *arrays.items(),
             *(("attitudes", turns), ("grid", grid_of(known, method, points, ends)), ("method", method)),
             *(("points", points if method == "lagrange" else 0), ("ends", ends if method == "spline" else ENDS[0]), ("outside", outside)),
             *(("longest_gap", None if longest_gap is None else float(longest_gap)),),
-            *(("reference", on_device(np.array([known.reference, 0.0], default_float()))), ("span", pairs(start, stop))),
+            *(("reference", on_device(np.array([known.reference, 0.0], default_float()))), ("span", pairs(begin, end))),
         ):
             object.__setattr__(self, name, value)
 
@@ -212,7 +217,13 @@ class Sampled(Edge):
 
     def arguments(self) -> dict[str, Any]:
         kept = {name: getattr(self, name) for name in (*WIDTHS, "attitudes", "method", "ends", "outside", "longest_gap")}
-        return {"times": Epoch(*self._instants()), **kept, "points": self.points or 8}  # pyright: ignore[reportArgumentType]
+        times, span = self._instants(), np.asarray(self.span, np.float64)
+        ends = past_reference(self.reference, span[[0, 2]], span[[1, 3]])
+        covered = {}
+        for i, name in ((0, "start"), (-1, "stop")):
+            same = all(part[i] == own[i] for part, own in zip(times, ends, strict=True))
+            covered[name] = None if same else Epoch(*(np.asarray(part[i]) for part in ends))  # pyright: ignore[reportArgumentType]
+        return {"times": Epoch(*times), **kept, "points": self.points or 8, **covered}  # pyright: ignore[reportArgumentType]
 
     def kind(self) -> Hashable:
         index = self.grid.index
