@@ -12,6 +12,7 @@ from jax import lax
 
 from jaxframes.errors import FrameError, ShapeError, suggest
 from jaxframes.numerics.batch import Batched, tag
+from jaxframes.numerics.components import select
 from jaxframes.spatial import Epoch, Motion
 from jaxframes.spatial.serialization import register
 from jaxframes.staging.arrays import as_float, is_concrete, widest
@@ -49,7 +50,8 @@ class Attachments:
             return links  # while JAX handles it as a tree, anything may stand there
         with jax.ensure_compile_time_eval() if is_concrete(links) else contextlib.nullcontext():
             known = jnp.isfinite(links)
-            return jnp.where(known, jnp.rint(jnp.where(known, lax.stop_gradient(links), 0)), -1).astype(jnp.int32)
+            nearest = lax.floor(lax.stop_gradient(links) + 0.5)  # of numbers that are whole already
+            return select(known, nearest, -1.0).astype(jnp.int32)
 
     def tree_flatten_with_keys(self) -> tuple[tuple[tuple[Any, Any], ...], tuple[str]]:
         """Return the leaves with their names, and the tag (for JAX)."""

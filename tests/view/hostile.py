@@ -1,4 +1,4 @@
-"""Names that try to be something else: markup, ends of scripts, templates, marks that turn text round, and very long ones."""
+"""Texts that try to be something else: markup, ends of scripts, templates, marks that turn text round, and very long ones."""
 
 NAMES = (
     "<img src=x onerror=window.stung=1>",
@@ -10,8 +10,10 @@ NAMES = (
     "javascript:window.stung=1",
     "{{constructor.constructor('window.stung=1')()}}",
     "${window.stung=1}",
-    "line\u2028separator\u2029and\nnewline]",
-    "\u202egnirts desrever\u202c",
     "__proto__",
     "n" * 300,
 )
+"""Those that may be names of frames and joints."""
+LINES, TURNED = "line\u2028separator\u2029and\nnewline]", "\u202egnirts desrever\u202c"
+TEXTS = (*NAMES, LINES, TURNED)
+"""Those that may be labels, titles and buttons: names are printable, labels need not be."""

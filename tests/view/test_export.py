@@ -9,7 +9,7 @@ from PIL import Image
 
 import jaxframes as jf
 from jaxframes.view.arrangement import STEP, arranged
-from tests.view.hostile import NAMES
+from tests.view.hostile import LINES, NAMES, TURNED
 from tests.view.trees import every_kind, large
 
 
@@ -71,14 +71,17 @@ def test_unknown_keys_are_refused_everywhere(draw, tmp_path):
 
 def hostile():
     b = jf.TreeBuilder(root="world")
-    for name in (*NAMES, 'a"]; n0 -> n1 [', "`code`", "%%{init: {}}%%", "a & &amp; \\N \\", "end", "x]:::k0", "\ud800"):
+    for name in (*NAMES, 'a"]; n0 -> n1 [', "`code`", "%%{init: {}}%%", "a & &amp; \\N \\", "end", "x]:::k0"):
         b.add(name, parent="world", edge=jf.edges.Fixed())
     return b.build()
 
 
+LABELS = {"end": "\ud800", NAMES[0]: LINES, NAMES[1]: TURNED}
+
+
 def test_hostile_names_stay_labels_in_dot():
     tree = hostile()
-    lines = jf.to_dot(tree, title='"} digraph {').splitlines()
+    lines = jf.to_dot(tree, title='"} digraph {', label_map=LABELS).splitlines()
     assert len(lines) == 3 + len(tree.names) + len(tree.names) - 1
     quoted = r'"(?:[^"\\]|\\\\|\\"|\\n)*"'
     assert re.fullmatch(rf"digraph {quoted} {{", lines[0])
@@ -90,7 +93,7 @@ def test_hostile_names_stay_labels_in_dot():
 
 def test_hostile_names_stay_labels_in_mermaid():
     tree = hostile()
-    lines = jf.to_mermaid(tree).splitlines()
+    lines = jf.to_mermaid(tree, label_map=LABELS).splitlines()
     assert len(lines) == 1 + len(tree.names) + len(tree.names) - 1 + 2
     for line in lines[1 : 1 + len(tree.names)]:
         text = re.fullmatch(r'  n\d+\["(.*)"\]', line).group(1).replace("<br/>", "")
@@ -99,7 +102,7 @@ def test_hostile_names_stay_labels_in_mermaid():
 
 
 def test_hostile_names_can_be_written_to_a_file(tmp_path):
-    jf.to_html(hostile(), tmp_path / "tree.html")
+    jf.to_html(hostile(), tmp_path / "tree.html", label_map=LABELS)
     assert "ud800" in (tmp_path / "tree.html").read_text()
 
 
@@ -116,7 +119,7 @@ def test_pictures_grow_and_their_text_does_not_shrink(tmp_path, rng):
 
 
 def test_a_picture_takes_hostile_names_and_moved_frames(tmp_path):
-    jf.save_png(hostile(), tmp_path / "hostile.png", title="$x$ \u202e", label_map={0: "$\\frac{"})
+    jf.save_png(hostile(), tmp_path / "hostile.png", title="$x$ \u202e", label_map={**LABELS, 0: "$\\frac{"})
     tree = scene()
     jf.save_png(tree, tmp_path / "moved.png", state=tree.attach(tree.state(), "box", "hand"), chains=True)
     jf.save_png(tree, tmp_path / "still.png")

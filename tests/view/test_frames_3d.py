@@ -16,7 +16,7 @@ from jaxframes.view.looks import parents_of
 from jaxframes.view.meshes import shapes_of
 from jaxframes.view.poses import poses_from
 from tests.view.conftest import until
-from tests.view.hostile import NAMES
+from tests.view.hostile import NAMES, TEXTS
 from tests.view.test_guard import refused_strangers
 from tests.view.trees import every_kind
 
@@ -273,7 +273,7 @@ def test_hostile_names_are_data_in_3d(reader):
     for i, name in enumerate(NAMES[1:]):
         b.add(name, parent=NAMES[0], edge=jf.edges.Revolute(placement=jf.Transform.from_translation((np.cos(i), np.sin(i), 0.1 * i))))
     tree = b.build()
-    with jf.show_frames_3d(tree, port=0, title=NAMES[2], label_map={NAMES[5]: NAMES[1]}) as handle:
+    with jf.show_frames_3d(tree, port=0, title=NAMES[2], label_map=dict(zip(NAMES, TEXTS[:1:-1], strict=True))) as handle:
         page = opened(reader, handle.url)
         page.get_by_text("Joints").wait_for(timeout=60_000)
         page.wait_for_timeout(2000)

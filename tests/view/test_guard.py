@@ -9,7 +9,7 @@ import pytest
 
 import jaxframes as jf
 from tests.view.conftest import ready, shown, until
-from tests.view.hostile import NAMES
+from tests.view.hostile import LINES, NAMES, TEXTS, TURNED
 
 pytestmark = pytest.mark.float64
 
@@ -133,7 +133,7 @@ def hostile_tree():
     b.add("box", parent=NAMES[0], edge=jf.edges.Attachable(candidates=NAMES[:3]))
     tree = b.build()
     looks = {
-        "label_map": dict(zip(NAMES, NAMES[::-1], strict=True)),
+        "label_map": dict(zip(NAMES, TEXTS[:1:-1], strict=True)),
         "chains": [(NAMES[1], NAMES[4]), (NAMES[10], NAMES[0])],
     }
     return tree, looks
@@ -180,9 +180,9 @@ def test_hostile_names_are_data_live(reader):
     def fail(page):
         raise ValueError(NAMES[2])
 
-    buttons = [(name, fail) for name in NAMES]
+    buttons = [(text, fail) for text in TEXTS]
     with jf.show_frames_graph(
-        tree, port=0, title=NAMES[2], buttons=buttons, states=lambda t: tree.state(), times=list(NAMES), **looks
+        tree, port=0, title=NAMES[2], buttons=buttons, states=lambda t: tree.state(), times=list(TEXTS), **looks
     ) as handle:
         page = reader.open()
         page.goto(handle.url)
@@ -199,10 +199,11 @@ def test_hostile_names_are_data_live(reader):
 
 def test_marks_that_turn_text_round_are_visible_in_pills_and_escaped_in_code(reader, tmp_path):
     tree, _ = hostile_tree()
-    jf.to_html(tree, tmp_path / "t.html")
+    jf.to_html(tree, tmp_path / "t.html", label_map={NAMES[8]: TURNED, NAMES[7]: LINES})
     page = reader.open()
     page.goto((tmp_path / "t.html").as_uri())
     ready(page)
-    assert page.evaluate("name => pillText(tree.names.indexOf(name))", NAMES[10]).startswith("\u00b7")
-    assert page.evaluate("name => pythonText(name)", NAMES[10]) == '"\\u202egnirts desrever\\u202c"'
-    assert len(page.evaluate("name => pillText(tree.names.indexOf(name))", NAMES[12])) == 32
+    for name in NAMES[7:9]:
+        assert "\u00b7" in page.evaluate("name => pillText(tree.names.indexOf(name))", name)
+    assert page.evaluate("name => pythonText(name)", TURNED) == '"\\u202egnirts desrever\\u202c"'
+    assert len(page.evaluate("name => pillText(tree.names.indexOf(name))", NAMES[10])) == 32
