@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 from jaxframes.errors import FrameError, MissingExtraError, ShapeError
 from jaxframes.model.state import State
 from jaxframes.tree import FrameTree
+from jaxframes.view.at_exit import close_with_program
 from jaxframes.view.graph_data import Instants, Looks, States, health_of, instants_of, numbers_of
 from jaxframes.view.looks import Chains, LabelMap, one_instant
 from jaxframes.view.page_text import safe_json
@@ -60,7 +61,9 @@ class FramesGraph:
         self._shown.put(tree=self._told())
         self._server = Server(host, port, self._shown, self._hear)
         self.url, self.port = self._server.url, self._server.port
-        threading.Thread(target=self._work, name="jaxframes page numbers", daemon=True).start()
+        worker = threading.Thread(target=self._work, name="jaxframes page numbers", daemon=True)
+        worker.start()
+        close_with_program(self, worker)
         self._wake.set()
 
     def update(self, tree: FrameTree | None = None, state: State | None = None) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from jaxframes.errors import FrameError
 from jaxframes.model.state import State
 from jaxframes.tree import FrameTree
+from jaxframes.view.at_exit import close_with_program
 from jaxframes.view.distances import Range, Scaling, default_range, logarithmic, ranges_of
 from jaxframes.view.graph_data import Instants, States, instants_of, numbers_of
 from jaxframes.view.looks import LabelMap, labels_of, one_instant, parents_of
@@ -54,7 +55,9 @@ class Frames3D:
         self._add_controls()
         self.show()
         self._aim()
-        threading.Thread(target=self._play, name="jaxframes 3-D player", daemon=True).start()
+        player = threading.Thread(target=self._play, name="jaxframes 3-D player", daemon=True)
+        player.start()
+        close_with_program(self, player)
         if launch_client:
             webbrowser.open(self.url)
 
