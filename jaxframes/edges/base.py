@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxframes.errors import EdgeError, suggest
+from jaxframes.errors import EdgeError, MissingInputError, suggest
 from jaxframes.numerics.components import V3, Component, Quat
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
@@ -63,6 +63,12 @@ class Inputs(NamedTuple):
     prescribed: Rigid | None = None
     batch_rank: int = 0
     motions: tuple[Seen, ...] = ()
+
+    def epoch_for(self, edge: "Edge") -> tuple[Component, Component]:
+        """Return the epoch that an edge reads, in two parts (MissingInputError where the state has none)."""
+        if self.time is None:
+            raise MissingInputError(f"{edge.describe()} depends on time: give the state one, tree.state(time=...).")
+        return self.time
 
     def components(self, parameter: jax.Array) -> tuple[Component, ...]:
         """Return the k components of a parameter [..., k], aligned to the batch; plain numbers where they are known while tracing."""

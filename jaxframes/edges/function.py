@@ -14,12 +14,13 @@ from jax import lax
 
 from jaxframes.edges.base import Edge, Inputs
 from jaxframes.edges.family import family
+from jaxframes.edges.instants import since_epoch
 from jaxframes.edges.spans import Span, codes_of_span, exact_span, factor_within
-from jaxframes.errors import EdgeError, FrameError, MissingInputError, ShapeError
+from jaxframes.errors import EdgeError, FrameError, ShapeError
 from jaxframes.numerics.components import IDENTITY, V3, ZERO, Component, Quat, quat_conj, quat_mul
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
-from jaxframes.numerics.two_part import recast_pair, two_sum
+from jaxframes.numerics.two_part import recast_pairs
 from jaxframes.spatial import Rotation, Transform
 from jaxframes.staging.arrays import as_float, default_float, is_concrete, widest
 from jaxframes.staging.blocks import SIZES, Batch, Work, run_work
@@ -121,7 +122,7 @@ class Function(Edge):
 
     def astype(self, dtype: Any) -> Self:
         plain = super().astype(dtype)
-        return plain.replace(since=jnp.stack(recast_pair(self.since[..., 0], self.since[..., 1], dtype), -1))
+        return plain.replace(since=recast_pairs(self.since, dtype))
 
     def arguments(self) -> dict[str, Any]:
         raise EdgeError(
@@ -136,13 +137,8 @@ class Function(Edge):
         return codes_of_span(self.span, time)
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        if inputs.time is None:
-            raise MissingInputError(f"{self.describe()} depends on time: give the state one, tree.state(time=...).")
-        hi, lo = (jnp.asarray(part) for part in inputs.time)
-        since_hi, since_lo = (jnp.asarray(part, hi.dtype) for part in inputs.components(self.since))
-        coarse, error = two_sum(*jnp.broadcast_arrays(hi, -since_hi))
-        values = self._values(coarse + (error + (lo - since_lo)), inputs.batch_rank, order)
-        factor = factor_within(self.span, hi, lo)
+        values = self._values(since_epoch(self, inputs, self.since), inputs.batch_rank, order)
+        factor = factor_within(self.span, *map(jnp.asarray, inputs.epoch_for(self)))
         if factor is not None:
             values = [component if isinstance(component, float) else factor * component for component in values]
         return (_motion(self.returns, values),)

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxframes.edges.base import Edge, Inputs
-from jaxframes.errors import EdgeError, FrameError, MissingInputError
+from jaxframes.errors import EdgeError, FrameError
 from jaxframes.numerics.two_part import two_sum
 from jaxframes.time.epoch import Epoch
 
@@ -31,9 +31,7 @@ def since_epoch(edge: Edge, inputs: Inputs, epoch: jax.Array) -> jax.Array:
     Raises:
         MissingInputError: The state has no time.
     """
-    if inputs.time is None:
-        raise MissingInputError(f"{edge.describe()} depends on time: give the state one, tree.state(time=...).")
-    hi, lo = map(jnp.asarray, inputs.time)
+    hi, lo = map(jnp.asarray, inputs.epoch_for(edge))
     since_hi, since_lo = (jnp.asarray(part, hi.dtype) for part in inputs.components(epoch))
     coarse, error = two_sum(*jnp.broadcast_arrays(hi, -since_hi))
     return coarse + (error + (lo - since_lo))

@@ -102,10 +102,9 @@ def as_rest(rest: Any, count: int, quaternion: bool) -> tuple[float, ...] | None
     if numbers.shape != (count,) or not np.all(np.isfinite(numbers)):
         raise EdgeError(f"rest takes {count} finite number{'s' if count > 1 else ''}, found {rest!r}")
     if quaternion:
-        length = np.linalg.norm(numbers[:4])
-        if length == 0:
+        if np.linalg.norm(numbers[:4]) == 0:
             raise EdgeError(f"rest begins with a quaternion (w, x, y, z), and that of {rest!r} is zero; the identity is (1, 0, 0, 0)")
-        numbers = np.concatenate([numbers[:4] / (1.0 if abs(length - 1.0) < 4e-16 else length), numbers[4:]])
+        numbers = np.concatenate([unit(numbers[:4]), numbers[4:]])
     return tuple(numbers.tolist())
 
 

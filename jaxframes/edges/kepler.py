@@ -15,7 +15,7 @@ from jaxframes.numerics.components import V3, select
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
 from jaxframes.numerics.trig import sin_cos
-from jaxframes.numerics.two_part import recast_pair
+from jaxframes.numerics.two_part import recast_pairs
 from jaxframes.staging.arrays import as_float, common_float, is_concrete
 from jaxframes.staging.stages import staged
 from jaxframes.time.epoch import Epoch
@@ -154,7 +154,7 @@ class Kepler(Edge):
 
     def astype(self, dtype: Any) -> Self:
         plain = super().astype(dtype)
-        return plain.replace(epoch=jnp.stack(recast_pair(self.epoch[..., 0], self.epoch[..., 1], dtype), -1))
+        return plain.replace(epoch=recast_pairs(self.epoch, dtype))
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         seconds = since_epoch(self, inputs, self.epoch)

@@ -3,7 +3,6 @@
 from typing import Any, ClassVar, Self
 
 import jax
-import jax.numpy as jnp
 
 from jaxframes.edges.base import Edge, Inputs
 from jaxframes.edges.family import family
@@ -11,7 +10,7 @@ from jaxframes.edges.instants import since_epoch, two_part_epoch
 from jaxframes.edges.joint import one_number, unit_axis
 from jaxframes.numerics.components import V3
 from jaxframes.numerics.steps import Coordinate, RotationStep, Step
-from jaxframes.numerics.two_part import recast_pair
+from jaxframes.numerics.two_part import recast_pairs
 from jaxframes.staging.arrays import unit
 from jaxframes.time.epoch import Epoch
 
@@ -28,7 +27,7 @@ class TurningSince(Edge):
 
     def astype(self, dtype: Any) -> Self:
         plain = super().astype(dtype)
-        return plain.replace(epoch=jnp.stack(recast_pair(self.epoch[..., 0], self.epoch[..., 1], dtype), -1))
+        return plain.replace(epoch=recast_pairs(self.epoch, dtype))
 
     def arguments(self) -> dict[str, Any]:
         return {**super().arguments(), "epoch": Epoch(self.epoch[..., 0], self.epoch[..., 1])}

@@ -11,6 +11,7 @@ from jaxframes.edges.base import Edge, Inputs
 from jaxframes.edges.joint import Joint, as_magnitude_limits, joint_family
 from jaxframes.numerics.components import V3, ZERO, Component, Quat, cross, quat_from, quat_mul, quat_norm2, rotate
 from jaxframes.numerics.rigid import Rigid
+from jaxframes.numerics.smooth import cubic_remainder
 from jaxframes.numerics.steps import Step
 from jaxframes.spatial import Rotation, Transform, Twist
 
@@ -36,7 +37,7 @@ def capped_angle(share: jax.Array, limit: float) -> jax.Array:
         share: Between 0 and 1 [...].
         limit: Largest angle, from 0 to pi.
     """
-    wanted = share * float(_less_sine(np.asarray(limit)))
+    wanted = share * _less_sine(jnp.asarray(limit, share.dtype))
     angle = jnp.cbrt(6.0 * wanted)
     for _ in range(6):
         slope = 2.0 * jnp.square(jnp.sin(angle / 2.0))
@@ -44,12 +45,9 @@ def capped_angle(share: jax.Array, limit: float) -> jax.Array:
     return jnp.clip(angle, 0.0, limit)
 
 
-def _less_sine(angle: Any) -> Any:
-    """Return a - sin a for angles up to pi, by its series: without cancellation where they are small."""
-    square, total = angle * angle, 1.0
-    for k in range(24, 3, -2):
-        total = 1.0 - square / (k * (k + 1)) * total
-    return angle * square / 6.0 * total
+def _less_sine(angle: jax.Array) -> jax.Array:
+    """Return a - sin a, without cancellation where the angle is small."""
+    return angle * angle * angle * cubic_remainder(angle * angle)
 
 
 class QuaternionJoint(Joint):

@@ -9,6 +9,7 @@ from jaxframes.io.mjcf_names import Names
 from jaxframes.model.state import State
 from jaxframes.numerics import host_quaternions
 from jaxframes.spatial import Rotation, Transform
+from jaxframes.staging.arrays import unit
 from jaxframes.tree import FrameTree
 
 FREE, BALL, SLIDE, HINGE = range(4)
@@ -73,16 +74,12 @@ def joint_values(
             continue
         kind, name, at, rate = int(model.jnt_type[j]), names.joint(j), int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
         if kind == FREE:
-            wxyz = _unit(qpos[at + 3 : at + 7])
+            wxyz = unit(qpos[at + 3 : at + 7])
             linear = host_quaternions.rotate(host_quaternions.conjugate(wxyz), qvel[rate : rate + 3])
             q[name] = (*wxyz.tolist(), *qpos[at : at + 3].tolist())
             qd[name] = (*qvel[rate + 3 : rate + 6].tolist(), *linear.tolist())
         elif kind == BALL:
-            q[name], qd[name] = tuple(_unit(qpos[at : at + 4]).tolist()), tuple(qvel[rate : rate + 3].tolist())
+            q[name], qd[name] = tuple(unit(qpos[at : at + 4]).tolist()), tuple(qvel[rate : rate + 3].tolist())
         else:
             q[name], qd[name] = float(qpos[at]), float(qvel[rate])
     return q, qd
-
-
-def _unit(wxyz: np.ndarray) -> np.ndarray:
-    return wxyz / np.linalg.norm(wxyz)

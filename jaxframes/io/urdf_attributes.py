@@ -10,6 +10,7 @@ from jaxframes.errors import suggest
 from jaxframes.io.xml_nodes import Node
 from jaxframes.numerics import host_quaternions
 from jaxframes.spatial import Rotation, Transform
+from jaxframes.staging.arrays import unit
 
 IN_LINK = ("inertial", "visual", "collision")
 IN_JOINT = ("parent", "child", "origin", "axis", "limit", "mimic")
@@ -94,7 +95,7 @@ def _quaternion(node: Node) -> np.ndarray:
         node.fail(
             f"quat_xyzw={node.attributes['quat_xyzw']!r} has length {length:.6g}, so it is no rotation; give a unit quaternion (x y z w)"
         )
-    return np.array([w, x, y, z]) / (1.0 if abs(length - 1.0) < 4e-16 else length)
+    return unit(np.array([w, x, y, z]))
 
 
 def bounds_of(joint: Node, limit: Node) -> tuple[float, float]:

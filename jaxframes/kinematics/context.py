@@ -47,7 +47,6 @@ class Context:
         self.shape = self._batch_shape(state)
         self.state = state
         self._motions_read = motions_read
-        self._given: dict[int, Any] = {}
         self._worked_out: dict[Any, Any] = {}
         self._edges: dict[int, Edge] = {}
 
@@ -201,17 +200,18 @@ class Context:
 
     def _precomputed_steps(self, frame: int) -> tuple[tuple[Step, ...], Any]:
         """Return the steps and unit twists of an edge that reads the time or other frames; they are worked out once."""
-        if frame not in self._given:
-            edge, operands = self.tree.edge_of(frame), Operands()
-            first_q, nq, first_v, nv = self.topology.coordinates[frame]
-            kept = tuple(
-                StateColumns(operands.place(getattr(self.state, kind)), *((first_q, nq) if kind == "q" else (first_v, nv)))
-                for kind in JOINT_FIELDS[: 1 + self.order]
-            )
-            own = EdgeSteps(operands.parts(self._read(frame)), kept, (nq, nv)).inputs(operands.arrays, self.reading)
-            edge, inputs = self.reading.edge(edge.normalized()), own._replace(time=self.time, motions=self._motions_read(self, frame))
-            self._given[frame] = edge.steps(inputs, self.order), unit_twists(edge, inputs) if nv else []
-        return self._given[frame]
+        return self.worked_out(("steps", frame), lambda: self._steps_beforehand(frame))
+
+    def _steps_beforehand(self, frame: int) -> tuple[tuple[Step, ...], Any]:
+        edge, operands = self.tree.edge_of(frame), Operands()
+        first_q, nq, first_v, nv = self.topology.coordinates[frame]
+        kept = tuple(
+            StateColumns(operands.place(getattr(self.state, kind)), *((first_q, nq) if kind == "q" else (first_v, nv)))
+            for kind in JOINT_FIELDS[: 1 + self.order]
+        )
+        own = EdgeSteps(operands.parts(self._read(frame)), kept, (nq, nv)).inputs(operands.arrays, self.reading)
+        edge, inputs = self.reading.edge(edge.normalized()), own._replace(time=self.time, motions=self._motions_read(self, frame))
+        return edge.steps(inputs, self.order), unit_twists(edge, inputs) if nv else []
 
     def worked_out(self, key: Hashable, make: Callable[[], Any]) -> Any:
         """Return what a function makes, which is kept under a key: made once for this computation."""

@@ -21,8 +21,8 @@ from jaxframes.kinematics.tree_arguments import Plan, as_arguments
 from jaxframes.model.group import Group
 from jaxframes.model.state import State
 from jaxframes.model.structure import Structure
-from jaxframes.numerics.packed import Packed, unpacked
-from jaxframes.numerics.rigid import Rigid, express
+from jaxframes.numerics.packed import Kind, Packed, unpacked
+from jaxframes.numerics.rigid import express
 from jaxframes.spatial import Motion, Transform
 from jaxframes.staging.internals import is_compiling
 from jaxframes.staging.sharding import stack_arrays
@@ -35,7 +35,7 @@ def _between(tree: Structure, state: State, of: int, relative_to: int, expressed
     context = context_of(tree, state, order)
     motion = _pair(context, of, relative_to)
     if order and expressed_in != relative_to:
-        motion = velocities_in_axes(context, _pair(context_of(tree, state, 0), relative_to, expressed_in), motion)
+        motion = velocities_in_axes(context.kind, _pair(context_of(tree, state, 0), relative_to, expressed_in), motion)
     return named(motion)
 
 
@@ -47,9 +47,9 @@ def _pair(context: Context, of: int, relative_to: int) -> Packed:
     return tuple(array[..., of, :] for array in attachments_by_level.all_frames(context, relative_to))
 
 
-def velocities_in_axes(context: Context, axes: Packed, motion: Packed) -> Packed:
-    """Return a motion whose velocity and acceleration are in other axes; the pose of its own in these is given."""
-    return stage(lambda axes, motion: context.kind.packed(express(unpacked(axes).rotation, unpacked(motion))))(axes, motion)
+def velocities_in_axes(kind: Kind, axes: Packed, motion: Packed) -> Packed:
+    """Return motions whose velocities and accelerations are in other axes; the pose of their own in these is given."""
+    return stage(lambda axes, motion: kind.packed(express(unpacked(axes).rotation, unpacked(motion))))(axes, motion)
 
 
 def _all_frames(tree: Structure, state: State, relative_to: int, order: int) -> Motion:
@@ -70,13 +70,9 @@ def _group(tree: Structure, state: State, of: tuple[int, ...], relative_to: int,
     motions = _rows_of_group(context, of, relative_to)
     if order and expressed_in != relative_to:
         axes = _pair(context_of(tree, state, 0), relative_to, expressed_in)
-        turned = stage(lambda axes, motion: replace(context.kind, shape=(*context.shape, len(of))).packed(_expressed(axes, motion)))
-        motions = turned(tuple(array[..., None, :] for array in axes), motions)
+        rows = replace(context.kind, shape=(*context.shape, len(of)))
+        motions = velocities_in_axes(rows, tuple(array[..., None, :] for array in axes), motions)
     return jax.tree.map(lambda leaf: jnp.moveaxis(leaf, -2, 0), named(motions))
-
-
-def _expressed(axes: Packed, motion: Packed) -> Rigid:
-    return express(unpacked(axes).rotation, unpacked(motion))
 
 
 def _rows_of_group(context: Context, of: tuple[int, ...], relative_to: int) -> Packed:
@@ -85,7 +81,12 @@ def _rows_of_group(context: Context, of: tuple[int, ...], relative_to: int) -> P
     if levels.applies(context):
         whole = attachments_by_level.all_frames if topology.attachables else levels.all_frames
         return levels.rows_of(whole(context, relative_to), np.array(of))
-    home = topology.static_components
+    return _rows_by_paths(context, of, relative_to)
+
+
+def _rows_by_paths(context: Context, of: tuple[int, ...], relative_to: int) -> Packed:
+    """Return the same along the paths from the observer outward, and across links to those beyond."""
+    home = context.topology.static_components
     near = frozenset(frame for frame in of if home[frame] == home[relative_to])
     found = outward(context, relative_to, near) if near else {}
     found |= attachments.between_many(context, [frame for frame in of if frame not in near], relative_to)
@@ -93,14 +94,8 @@ def _rows_of_group(context: Context, of: tuple[int, ...], relative_to: int) -> P
 
 
 def _pairs(tree: Structure, state: State, of: tuple[int, ...], relative_to: tuple[int, ...]) -> Transform:
-    context, rows = context_of(tree, state, 0), []
-    home = tree.topology.static_components
-    for observer in relative_to:
-        near = frozenset(frame for frame in of if home[frame] == home[observer])
-        found = outward(context, observer, near) if near else {}
-        found |= attachments.between_many(context, [frame for frame in of if frame not in near], observer)
-        rows.append(_values_stacked([found[frame] for frame in of], -2))
-    return named(_values_stacked(rows, -3)).transform
+    context = context_of(tree, state, 0)
+    return named(_values_stacked([_rows_by_paths(context, of, observer) for observer in relative_to], -3)).transform
 
 
 def _values_stacked(values: Sequence[Value], axis: int) -> Value:

@@ -33,12 +33,12 @@ def families(edges: Sequence[Edge]) -> tuple[tuple[Any, ...], tuple[bool, ...], 
             key = (definition, tuple((np.shape(leaf)[-1:], leaf.dtype.name) for leaf in leaves))
             stacks = edge.stackable and not edge.reads  # what an edge reads of the tree is worked out for it alone
             kind = None if stacks or edge.reads else edge.kind()
-            known[id(edge)] = definition, key if stacks else position if kind is None else kind
-        definition, key = known[id(edge)]
+            known[id(edge)] = definition, key if stacks else position if kind is None else kind, stacks
+        definition, key, stacks = known[id(edge)]
         if key not in found:
             found[key] = len(definitions)
             definitions.append(definition)
-            stacked.append(edge.stackable and not edge.reads)
+            stacked.append(stacks)
             counts.append(0)
         family = found[key]
         locations.append((family, counts[family]))

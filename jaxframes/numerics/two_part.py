@@ -101,6 +101,13 @@ def recast_pair(hi: Array, lo: Array, dtype: Any) -> tuple[Array, Array]:
     return first, (rest + low).astype(dtype)
 
 
+def recast_pairs(values: Any, dtype: Any) -> Any:
+    """Return numbers [..., 2 n], two parts each, in another dtype."""
+    numpy = np if isinstance(values, np.ndarray) else jnp
+    hi, lo = recast_pair(values[..., 0::2], values[..., 1::2], dtype)
+    return numpy.stack([hi, lo], -1).reshape(values.shape)
+
+
 _CUT: dict[str, tuple[Any, Any]] = {
     "float64": (np.int64, ~((1 << 27) - 1)),
     "float32": (np.int32, ~((1 << 12) - 1)),

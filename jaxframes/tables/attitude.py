@@ -10,7 +10,6 @@ import numpy as np
 
 from jaxframes.edges.base import Inputs
 from jaxframes.edges.family import family
-from jaxframes.errors import MissingInputError
 from jaxframes.numerics.components import V3, Quat, quat_mul, select
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.steps import Step
@@ -51,9 +50,7 @@ class Attitude(Table):
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         """Return one motion: the rotation, without translation."""
-        if inputs.time is None:
-            raise MissingInputError(f"{self.describe()} depends on time: give the state one, tree.state(time=...).")
-        parts = take_apart(self.motion(*inputs.time, order))
+        parts = take_apart(self.motion(*inputs.epoch_for(self), order))
         rates = dict(zip(("angular", "angular2"), (V3(*parts[i : i + 3]) for i in range(4, len(parts), 3)), strict=False))
         return (Rigid(rotation=Quat(*parts[:4]), **rates),)
 

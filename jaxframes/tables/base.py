@@ -10,11 +10,11 @@ import numpy as np
 
 from jaxframes.edges.base import Edge, Inputs
 from jaxframes.edges.family import family
-from jaxframes.errors import EdgeError, MissingInputError
+from jaxframes.errors import EdgeError
 from jaxframes.numerics import host_two_part
 from jaxframes.numerics.components import V3, Component
 from jaxframes.numerics.steps import Step
-from jaxframes.numerics.two_part import recast_pair
+from jaxframes.numerics.two_part import recast_pairs
 from jaxframes.tables import evaluate
 from jaxframes.tables.evaluate import Run
 from jaxframes.tables.info import Info
@@ -118,9 +118,7 @@ class Table(TableEdge):
 
     def values(self, inputs: Inputs, order: int) -> tuple[V3, ...]:
         """Return the table's value and its derivatives at the epoch of a state, as components."""
-        if inputs.time is None:
-            raise MissingInputError(f"{self.describe()} depends on time: give the state one, tree.state(time=...).")
-        return triples(evaluate.evaluate(self.run, *inputs.time, order))
+        return triples(evaluate.evaluate(self.run, *inputs.epoch_for(self), order))
 
 
 @family(static=("infos",))
@@ -171,13 +169,6 @@ def _pooled(tables: Sequence[Table]) -> TablePool:
         else:
             parts[name] = concatenated_arrays(values) if name in first.by_record else stacked_arrays(values)
     return TablePool(first.replace(**parts), tuple(table.info for table in tables))
-
-
-def recast_pairs(values: Any, dtype: Any) -> Any:
-    """Return numbers [..., 2 n], two parts each, in another dtype."""
-    numpy = np if isinstance(values, np.ndarray) else jnp
-    hi, lo = recast_pair(values[..., 0::2], values[..., 1::2], dtype)
-    return numpy.stack([hi, lo], -1).reshape(values.shape)
 
 
 def recast_records(old: RecordTable, plain: RecordTable, dtype: Any) -> RecordTable:

@@ -9,12 +9,11 @@ import numpy as np
 
 from jaxframes.edges.base import Inputs
 from jaxframes.edges.family import family
-from jaxframes.errors import MissingInputError
 from jaxframes.numerics.components import V3, Component, Quat
 from jaxframes.numerics.packed import Kind
 from jaxframes.numerics.path_motion import extend, steps_at_hand
 from jaxframes.numerics.steps import Step
-from jaxframes.numerics.two_part import recast_pair, two_sum
+from jaxframes.numerics.two_part import recast_pairs, two_sum
 from jaxframes.staging.arrays import default_float, is_concrete
 from jaxframes.staging.columns import assemble, parameters, take_apart
 from jaxframes.staging.stages import stage
@@ -69,9 +68,7 @@ class IauOrientation(TableEdge):
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
         """Return three rotations: about z by ra + 90 deg, about x by 90 deg - dec, about z by the prime meridian."""
-        if inputs.time is None:
-            raise MissingInputError(f"{self.describe()} depends on time: give the state one, tree.state(time=...).")
-        hi, lo = inputs.time
+        hi, lo = inputs.epoch_for(self)
         values = take_apart(stage(lambda: assemble(self._angles(hi, lo, order)))())
         triples = tuple(V3(*values[i : i + 3]) for i in range(0, len(values), 3))
         return euler_steps(Quat(*parameters(self.placement, inputs.batch_rank)), triples)
@@ -91,10 +88,7 @@ class IauOrientation(TableEdge):
 
     def astype(self, dtype: Any) -> Self:
         """Return a copy with numbers of another dtype; those kept in two parts lose no more than they must."""
-        numpy: Any = np if isinstance(self.phases, np.ndarray) else jnp
-        pairs = {name: getattr(self, name) for name in PAIRED}
-        recast = {name: numpy.stack(recast_pair(array[..., 0], array[..., 1], dtype), -1) for name, array in pairs.items()}
-        return super().astype(dtype).replace(**recast)
+        return super().astype(dtype).replace(**{name: recast_pairs(getattr(self, name), dtype) for name in PAIRED})
 
     def report(self) -> str:
         """Return what the model is made of, in lines."""

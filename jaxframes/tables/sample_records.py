@@ -9,16 +9,17 @@ from jax import lax
 
 from jaxframes.edges.base import Edge, Inputs
 from jaxframes.edges.family import family
-from jaxframes.errors import EdgeError, MissingInputError
+from jaxframes.errors import EdgeError
 from jaxframes.numerics.components import IDENTITY, V3, ZERO, Quat, dot, quat_conj, quat_mul, select
 from jaxframes.numerics.rigid import Rigid
 from jaxframes.numerics.smooth import cos_sinc
 from jaxframes.numerics.steps import Step
+from jaxframes.numerics.two_part import recast_pairs
 from jaxframes.staging.columns import assemble, take_apart
 from jaxframes.staging.sharding import rows_at
 from jaxframes.staging.stages import stage
 from jaxframes.tables import evaluate
-from jaxframes.tables.base import recast_pairs, recast_records, triples, two_parts
+from jaxframes.tables.base import recast_records, triples, two_parts
 from jaxframes.tables.evaluate import Run
 from jaxframes.tables.pool import single
 from jaxframes.tables.records import RecordTable
@@ -102,14 +103,13 @@ class SampledRecords(Edge):
         return Run((records,), self.reference, self.span, self.outside)
 
     def steps(self, inputs: Inputs, order: int) -> tuple[Step, ...]:
-        if inputs.time is None:
-            raise MissingInputError(f"{self.describe()} depends on time: give the state one, tree.state(time=...).")
+        hi, lo = inputs.epoch_for(self)
         shifts: tuple[V3, ...] = (ZERO,) * (order + 1)
         if self.position is not None:
-            shifts = triples(evaluate.evaluate(self._run(self.position), *inputs.time, order))
+            shifts = triples(evaluate.evaluate(self._run(self.position), hi, lo, order))
         rotation, spins = IDENTITY, (ZERO,) * order
         if self.attitude is not None:
-            turned = take_apart(_attitude(self._run(self.attitude), *inputs.time, order))
+            turned = take_apart(_attitude(self._run(self.attitude), hi, lo, order))
             rotation, spins = Quat(*turned[:4]), triples(turned[4:])
         rates = [half for pair in zip(spins, shifts[1:], strict=True) for half in pair]
         return (Rigid(rotation, shifts[0], *rates),)

@@ -105,8 +105,6 @@ def narrowed(times: SampleTimes, start: Any, stop: Any) -> tuple[Fraction, Fract
     for name, end in (("start", low), ("stop", high)):
         if not first <= end <= last:
             raise EdgeError(f"Sampled({name}=...) lies {float(max(first - end, end - last)):.9g} s outside of the samples; leave it out")
-    if low > high:
-        raise EdgeError("Sampled: its start lies after its stop; swap them")
     return low, high
 
 

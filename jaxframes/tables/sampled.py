@@ -14,9 +14,10 @@ from jaxframes.edges.family import family
 from jaxframes.errors import EdgeError, ShapeError
 from jaxframes.numerics import host_two_part
 from jaxframes.numerics.steps import Step
+from jaxframes.numerics.two_part import recast_pairs
 from jaxframes.spatial import Rotation
 from jaxframes.staging.arrays import default_float, on_device, unit
-from jaxframes.tables.base import recast_pairs, recast_records
+from jaxframes.tables.base import recast_records
 from jaxframes.tables.evaluate import OUTSIDE
 from jaxframes.tables.instants import pairs, past_reference, split
 from jaxframes.tables.pool import concatenated, concatenated_arrays, stacked_arrays

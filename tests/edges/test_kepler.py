@@ -8,6 +8,7 @@ import spiceypy
 
 import jaxframes as jf
 from jaxframes.errors import EdgeError, MissingInputError
+from tests.hung import motion, tree_of
 
 E = jf.edges
 MU = 3.986004418e14
@@ -18,17 +19,6 @@ TIMES = np.array([-40_000.0, -300.0, 0.0, 10.0, 2_500.0, 100_000.0])
 
 def orbit(conic, e, **more):
     return E.Kepler(periapsis=7e6, eccentricity=e, time=350.0, mu=MU, epoch=10.0, conic=conic, **ANGLES, **more)
-
-
-def tree_of(*edges):
-    b = jf.TreeBuilder()
-    for i, edge in enumerate(edges):
-        b.add(f"c{i}", parent="world", edge=edge)
-    return b.build()
-
-
-def motion(tree, time, name="c0"):
-    return tree.motion(tree.state(time=time), of=name, relative_to="world")
 
 
 def conics(e, times):

@@ -13,6 +13,7 @@ import jaxframes as jf
 from jaxframes.errors import EdgeError, MissingInputError, ShapeError
 from jaxframes.numerics.two_part import recast_pair
 from tests.compilations import compilations
+from tests.hung import motion, tree_of
 
 Sampled = jf.tables.Sampled
 RNG = np.random.default_rng(5)
@@ -29,17 +30,6 @@ def truth(t):
 
 def rotation(scipy_rotation):
     return jf.Rotation.from_quaternion_xyzw(scipy_rotation.as_quat())
-
-
-def tree_of(*edges):
-    b = jf.TreeBuilder()
-    for i, edge in enumerate(edges):
-        b.add(f"c{i}", parent="world", edge=edge)
-    return b.build()
-
-
-def motion(tree, time, name="c0"):
-    return tree.motion(tree.state(time=time), of=name, relative_to="world")
 
 
 def linear_parts(found):
