@@ -280,11 +280,12 @@ def ragged(count, rng, dtype):
 
 
 def test_many_of_different_lengths_are_one_program(rng, dtype, tol):
-    tree, more = tree_of(*ragged(12, rng, dtype)), tree_of(*ragged(24, rng, dtype))
+    # Numbers that no other test has: arrays [12, 4] of quaternions, say, may have been normalised in this process before.
+    tree, more = tree_of(*ragged(23, rng, dtype)), tree_of(*ragged(47, rng, dtype))
     assert "by level" in tree.explain()
     state = tree.state(time=jnp.asarray([0.0, 333.0, 1000.0], dtype))
     ask = lambda tree: tree.world_motions(state)
-    ask(tree_of(*ragged(18, rng, dtype)))  # what is compiled once a process
+    ask(tree_of(*ragged(19, rng, dtype)))  # what is compiled once a process
     assert compilations(ask, tree) == compilations(ask, more)
     together = ask(tree)
     for name in ("c0", "c11"):
